@@ -1,0 +1,1 @@
+#include "core/exact/delaunay.h"

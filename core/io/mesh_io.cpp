@@ -1,0 +1,1 @@
+#include "core/io/mesh_io.h"

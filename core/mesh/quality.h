@@ -1,0 +1,37 @@
+#pragma once
+
+#include "core/mesh/mesh.h"
+
+namespace remesh {
+
+// One contract for every measure: 1 best, 0 degenerate, < 0 inverted, scale-free.
+
+/// Signed volume of a tet, model units cubed; positive when positively oriented.
+[[nodiscard]] double tet_volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d);
+
+/// q = 3 r_in / r_circ of a tet, the paper's normalised radii ratio; negative when inverted.
+[[nodiscard]] double tet_radius_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d);
+
+/// s = 2 r_in / r_circ of a triangle.
+[[nodiscard]] double triangle_radius_ratio(const Vec3& a, const Vec3& b, const Vec3& c);
+
+/// Smallest and largest of some angles, radians.
+struct AngleRange {
+    double min = 0.0;
+    double max = 0.0;
+};
+
+/// Of the six dihedral angles of a tet, radians. Regular: acos(1/3) = 70.53 degrees.
+[[nodiscard]] AngleRange dihedral_angles(const Vec3& a, const Vec3& b, const Vec3& c,
+                                         const Vec3& d);
+
+/// Of the three angles of a triangle, radians.
+[[nodiscard]] AngleRange triangle_angles(const Vec3& a, const Vec3& b, const Vec3& c);
+
+/// Enclosed volume of a closed surface by the divergence theorem, model units cubed.
+[[nodiscard]] double enclosed_volume(const SurfaceMesh& surface);
+
+/// Sum of all triangle areas, model units squared.
+[[nodiscard]] double surface_area(const SurfaceMesh& surface);
+
+}  // namespace remesh

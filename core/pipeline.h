@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/mesh/mesh.h"
+#include "core/run_context.h"
+#include "core/stages/carve.h"
+#include "core/stages/features.h"
+#include "core/stages/improve.h"
+#include "core/stages/prepare.h"
+#include "core/stages/relax.h"
+#include "core/stages/report.h"
+#include "core/stages/seed.h"
+#include "core/stages/sizing.h"
+
+namespace remesh {
+
+struct RemeshOptions {
+    std::optional<double>
+        edge_length{};  ///< Wanted edge length, model units, > 0; absent: chosen from the input.
+    bool tetrahedra = true;  ///< False: relax and mesh only a shell, return its outer surface.
+    PrepareOptions prepare{};
+    FeatureOptions features{};
+    bool guard_thickness = true;  ///< Refine where the body is thin.
+    SeedOptions seed{};
+    RelaxOptions relax{};
+    CarveOptions carve{};
+    ImproveOptions improve{};
+};
+
+struct RemeshResult {
+    SurfaceMesh surface{};     ///< Closed, manifold, free of self-intersections, facing outward.
+    TetMesh tets{};            ///< Empty for a surface-only run.
+    double edge_length = 0.0;  ///< That was asked for or chosen.
+    QualityReport report{};
+};
+
+/// Remeshes any triangles: the paper's steps in order. Same input, options and build give the same
+/// bytes for any number of threads; runs in the present TBB arena.
+///
+/// \throws Error with every code but TooLarge's cousins documented at the stages
+RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run);
+
+/// Checks every option of every stage.
+/// \throws Error{InvalidInput} naming the field, its range and the value
+void validate(const RemeshOptions& options);
+
+}  // namespace remesh

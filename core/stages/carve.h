@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/geometry/domain.h"
+#include "core/geometry/particles.h"
+#include "core/geometry/sizing_field.h"
+#include "core/mesh/mesh.h"
+#include "core/run_context.h"
+
+namespace remesh {
+
+struct CarveOptions {
+    double min_part_volume =
+        4.0;  ///< Parts smaller than this times h^3 go, >= 0 (or 0.1 % of the largest).
+    double max_void_volume = 1.0;  ///< Enclosed voids smaller than this times h^3 are filled, >= 0.
+};
+
+struct CarveResult {
+    TetMesh mesh{};  ///< Vertices are the particles, in order, unused ones included.
+    std::vector<ParticleKind>
+        kind{};  ///< #V. Volume for what isn't on the boundary, Surface or more for what is.
+    std::int64_t dropped_parts = 0;
+    std::int64_t filled_voids = 0;
+    std::int64_t forced_steps = 0;  ///< Of the last resort of the manifold labelling.
+};
+
+/// Takes the tets that lie inside, so that their boundary is closed and edge- and vertex-manifold.
+///
+/// A tet with a volume vertex stays; one with surface vertices only is judged by the domain at its
+/// circumcentre (restricted Delaunay; at the centroid where the circumradius passes 1.2 h). Then a
+/// greedy labelling switches tets around vertices whose boundary isn't one fan, and a last resort
+/// that only removes, so that it always ends manifold. \throws Error{Unmeshable} if nothing is
+/// left; Error{Cancelled}
+CarveResult carve_domain(const Particles& particles, const std::vector<Tet>& delaunay,
+                         const Domain& domain, const SizingField& sizing,
+                         const CarveOptions& options, RunContext& run);
+
+void validate(const CarveOptions& options);
+
+}  // namespace remesh
