@@ -157,7 +157,7 @@ TEST_P(EveryInput, GivesAValidSurfaceAlone) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Inputs, EveryInput, ::testing::ValuesIn(cases()),
-                         [](const auto& info) { return info.param.name; });
+                         [](const auto& test) { return test.param.name; });
 
 TEST(Pipeline, KeepsTheEightCornersOfACube) {
     const auto result = remesh_on(2, testing::unit_cube(), {.edge_length = 0.1});
