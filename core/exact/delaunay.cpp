@@ -32,9 +32,8 @@ std::vector<std::size_t> insertion_order(const std::vector<Point>& points) {
     std::vector<std::size_t> order(points.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
     const auto position = CGAL::make_property_map(points);
-    CGAL::spatial_sort(
-        order.begin(), order.end(),
-        CGAL::Spatial_sort_traits_adapter_3<Kernel, decltype(position)>(position));
+    CGAL::spatial_sort(order.begin(), order.end(),
+                       CGAL::Spatial_sort_traits_adapter_3<Kernel, decltype(position)>(position));
     return order;
 }
 

@@ -93,8 +93,8 @@ TetComplex tetrahedralize(const Points& points, RunContext& run) {
     run.checkpoint();
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (!points[i].allFinite()) {
-            throw Error(ErrorCode::Unmeshable,
-                        "point " + std::to_string(i) + " of the Delaunay triangulation isn't finite");
+            throw Error(ErrorCode::Unmeshable, "point " + std::to_string(i) +
+                                                   " of the Delaunay triangulation isn't finite");
         }
     }
     TetComplex raw = delaunay_cells(points);
