@@ -156,7 +156,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto delaunay = tetrahedralize(particles.position, run);
 
     clock.enter(Stage::Carve);
-    auto carved = carve_domain(particles, delaunay, domain, *sizing, options.carve, run);
+    auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
     delaunay = {};
     if (run.wants_preview()) {
         run.preview(decimate(boundary_surface(carved.mesh)));

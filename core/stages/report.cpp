@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -15,6 +16,7 @@ namespace remesh {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Sorts a copy of nothing: `values` is taken by value since the quantile needs an order of its
 /// own.
@@ -237,7 +239,7 @@ Deviation measure_deviation(const SurfaceMesh& from, const SurfaceMesh& to, cons
     if (from.triangles.empty() || to.triangles.empty()) {
         return {};
     }
-    const Bvh target(to);
+    const Bvh target(to.vertices, to.triangles);
     // Vertices of the triangles, midpoints of their edges and centroids: seven samples a triangle.
     std::vector<double> squared(from.triangles.size() * 7);
     for_each_index(from.triangles.size(), run, [&](std::size_t i) {
@@ -253,9 +255,9 @@ Deviation measure_deviation(const SurfaceMesh& from, const SurfaceMesh& to, cons
                                           (p[0] + p[1] + p[2]) / 3.0};
         Index hint = kNone;
         for (std::size_t s = 0; s < samples.size(); ++s) {
-            const auto hit = target.closest(samples[s], hint);
-            hint = hit.facet;
-            squared[7 * i + s] = hit.squared_distance;
+            const auto nearest = target.closest(samples[s], kInfinity, hint);
+            hint = nearest->triangle;
+            squared[7 * i + s] = nearest->distance2;
         }
     });
 

@@ -129,14 +129,14 @@ void carve(benchmark::State& state) {
     RunContext unstoppable;
     const auto tets = tetrahedralize(prefix(state.range(0)).relaxed.position, unstoppable);
     measure(state, [&](const Prefix& b, RunContext& run) {
-        benchmark::DoNotOptimize(carve_domain(b.relaxed, tets, b.domain(), *b.sizing, {}, run));
+        benchmark::DoNotOptimize(carve_domain(b.relaxed, tets, b.domain(), {}, run));
     });
 }
 void improve(benchmark::State& state) {
     RunContext unstoppable;
     const Prefix& b = prefix(state.range(0));
     const auto carved = carve_domain(b.relaxed, tetrahedralize(b.relaxed.position, unstoppable),
-                                     b.domain(), *b.sizing, {}, unstoppable);
+                                     b.domain(), {}, unstoppable);
     measure(state, [&](const Prefix& before, RunContext& run) {
         benchmark::DoNotOptimize(improve_mesh(carved, before.relaxed.anchor, before.domain(),
                                               before.features, *before.sizing, {}, run));
