@@ -14,8 +14,8 @@
 namespace remesh {
 namespace {
 
-constexpr double kSurfaceCutoff = 1.38;      // rc over h: beyond the first ring of neighbours.
-constexpr double kVolumeCutoff = 1.12;       // Between the shells; from 1.3 on the lattice melts.
+constexpr double kSurfaceCutoff = 1.33;      // rc over h: beyond the first ring of neighbours.
+constexpr double kVolumeCutoff = 1.14;       // Between the shells; from 1.3 on the lattice melts.
 constexpr double kGradedVolumeCutoff = 1.2;  // Where h varies there is no lattice to keep.
 constexpr double kOpposed = -0.2;            // Cosine of normals on two sides of a thin sheet.
 constexpr double kSlide = 0.05;              // Slides this far over h before it is snapped.

@@ -34,8 +34,11 @@ struct PairState {
 template <ForceLaw kLaw>
 [[nodiscard]] PairState pair_state(const PairForce& pair, double s) {
     if constexpr (kLaw == ForceLaw::Springs) {
-        const double f = pair.cutoff - s;
-        return {f, 1.0, 0.5 * f * f};
+        const double t = 1.0 - s / pair.cutoff;
+        if (pair.dimension == 3) {
+            return {t, 1.0 / pair.cutoff, 0.5 * pair.cutoff * t * t};
+        }
+        return {t * t, 2.0 * t / pair.cutoff, pair.cutoff * t * t * t / 3.0};
     } else {
         const double p = pair.exponent;
         const double near = std::pow(s, -p);
@@ -106,7 +109,7 @@ public:
     }
 
 private:
-    static constexpr double kSkin = 0.25;     // Of neighbour lists, over h.
+    static constexpr double kSkin = 0.35;     // Of neighbour lists, over h.
     static constexpr double kMaxStep = 0.15;  // Of one iteration, over h.
 
     static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
@@ -117,7 +120,9 @@ private:
             const double h = particles_.h[row(k)];
             return (particles_.position[row(k)] - listed_[k]).squaredNorm() / (h * h);
         });
-        return 4.0 * farthest > kSkin * kSkin;
+        // A pair could approach by twice this, but hardly any does, and forces vanish at the
+        // cut-off.
+        return farthest > kSkin * kSkin;
     }
 
     void list(const RunContext& run) {
@@ -195,7 +200,8 @@ private:
                 break;
             }
             case Integrator::GradientDescent:
-                move(run, 1.0, [&](std::size_t k) { return pull_[k]; });
+                // All at once: half the step that would bring each to rest alone.
+                move(run, 1.0, [&](std::size_t k) { return Vec3(0.5 * pull_[k]); });
                 break;
             case Integrator::Fire: step_fire(run); break;
         }
