@@ -286,13 +286,17 @@ void ManifoldLabels::consider(Group group) {
         return;
     }
     list_vertices(group);
-    int gain = 0;
-    flip(group);
-    for (const Index w : touched_) {
-        gain += badness_[w] - badness_at(w, link_);
+    const int before = std::accumulate(touched_.begin(), touched_.end(), 0,
+                                       [&](int sum, Index w) { return sum + badness_[w]; });
+    const double harm = total_harm(group) + kLeastHarm;
+    if (before / harm <= best_score_) {
+        return;  // Not even if all badness went.
     }
     flip(group);
-    const double score = gain / (total_harm(group) + kLeastHarm);
+    const int after = std::accumulate(touched_.begin(), touched_.end(), 0,
+                                      [&](int sum, Index w) { return sum + badness_at(w, link_); });
+    flip(group);
+    const double score = (before - after) / harm;
     if (score > best_score_) {
         best_score_ = score;
         best_ = std::move(group);
