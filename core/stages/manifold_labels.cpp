@@ -289,16 +289,18 @@ void ManifoldLabels::consider(Group group) {
     const int before = std::accumulate(touched_.begin(), touched_.end(), 0,
                                        [&](int sum, Index w) { return sum + badness_[w]; });
     const double harm = total_harm(group) + kLeastHarm;
-    if (before / harm <= best_score_) {
-        return;  // Not even if all badness went.
+    const auto score = [&](int after) { return (before - after) / harm; };
+    if (score(0) <= best_score_) {
+        return;
     }
     flip(group);
-    const int after = std::accumulate(touched_.begin(), touched_.end(), 0,
-                                      [&](int sum, Index w) { return sum + badness_at(w, link_); });
+    int after = 0;
+    for (auto w = touched_.begin(); w != touched_.end() && score(after) > best_score_; ++w) {
+        after += badness_at(*w, link_);
+    }
     flip(group);
-    const double score = (before - after) / harm;
-    if (score > best_score_) {
-        best_score_ = score;
+    if (score(after) > best_score_) {
+        best_score_ = score(after);
         best_ = std::move(group);
     }
 }
