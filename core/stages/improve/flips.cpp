@@ -129,7 +129,8 @@ std::optional<SurfaceFlip> plan_surface_flip(const LiveMesh& mesh, Index a, Inde
     }
     for (const Index t : mesh.around(u)) {
         const auto* const end = ring.tets.begin() + ring.tet_count;
-        if (has(mesh.tet(t), w) && std::find(ring.tets.begin(), end, t) == end) {
+        if (ring.tet_count > 1 && has(mesh.tet(t), w) &&
+            std::find(ring.tets.begin(), end, t) == end) {
             return std::nullopt;  // The new edge is there already, elsewhere.
         }
     }
@@ -352,9 +353,9 @@ bool flip_tet(LiveMesh& mesh, Index t, Judge judge) {
 std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext& run) {
     constexpr std::size_t kBlock = 4096;
     std::int64_t flips = 0;
-    // Tets that flips append are left to the next pass: the loop ends for certain.
-    const std::size_t slots = mesh.slot_count();
-    for (std::size_t i = 0; i < slots; ++i) {
+    // Goes on to the tets that flips append; the bound only makes it plain that the loop ends.
+    const std::size_t bound = 2 * mesh.slot_count() + 1000;
+    for (std::size_t i = 0; i < std::min(mesh.slot_count(), bound); ++i) {
         if (i % kBlock == 0) {
             run.checkpoint();
         }

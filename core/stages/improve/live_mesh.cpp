@@ -77,18 +77,11 @@ void LiveMesh::fill_slot(Index t, const Tet& tet) {
 }
 
 Index LiveMesh::add(const Tet& tet) {
-    Index t = kNone;
-    // While recording, slots stay unused so that a roll-back finds them free.
-    if (!recording_ && !free_slots_.empty()) {
-        t = free_slots_.back();
-        free_slots_.pop_back();
-    } else {
-        t = index(tets_.size());
-        tets_.push_back({kNone, kNone, kNone, kNone});
-    }
+    const Index t = index(tets_.size());
+    tets_.push_back(tet);
     fill_slot(t, tet);
     if (recording_) {
-        journal_.push_back({Change::Added, t, tet});
+        journal_.push_back({Change::Added, t, tet, Vec3::Zero(), kNone});
     }
     return t;
 }
@@ -100,9 +93,7 @@ void LiveMesh::remove(Index t) {
     }
     tets_[at(t)][0] = kNone;
     if (recording_) {
-        journal_.push_back({Change::Removed, t, tet});
-    } else {
-        free_slots_.push_back(t);
+        journal_.push_back({Change::Removed, t, tet, Vec3::Zero(), kNone});
     }
 }
 
@@ -113,11 +104,6 @@ void LiveMesh::begin() {
 
 void LiveMesh::commit() {
     recording_ = false;
-    for (const auto& record : journal_) {
-        if (record.change == Change::Removed) {
-            free_slots_.push_back(record.id);
-        }
-    }
     journal_.clear();
 }
 

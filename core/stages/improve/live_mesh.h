@@ -109,10 +109,9 @@ private:
     std::vector<Index> anchors_;
     std::vector<std::uint8_t> locked_;
     std::vector<std::uint8_t> changed_;
-    std::vector<Tet> tets_;  // A free slot has kNone in front.
+    std::vector<Tet> tets_;  // A removed one has kNone in front; slots aren't used again.
     std::vector<Block> blocks_;
     std::vector<Index> pool_;
-    std::vector<Index> free_slots_;
     std::vector<Record> journal_;
     bool recording_ = false;
 };
