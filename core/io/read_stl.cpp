@@ -80,7 +80,9 @@ public:
             }
         }
         if (in_solid_) {
-            builder_.warn("the last solid has no 'endsolid': the file may have been cut off");
+            // Refused, since half a surface would go on as if it were the whole.
+            text_.fail("the last solid has no 'endsolid': the file was cut off after " +
+                       grouped(builder_.triangle_count()) + " triangles");
         }
         return builder_.finish();
     }
