@@ -77,7 +77,7 @@ std::string with_thousands(std::int64_t number) {
     const std::size_t digits_start = number < 0 ? 1 : 0;
     for (std::size_t i = text.size(); i > digits_start + 3;) {
         i -= 3;
-        text.insert(i, ",");
+        text.insert(i, 1, ',');
     }
     return text;
 }
