@@ -80,7 +80,7 @@ enum class JobErrorCode {
     BadRequest,
     MissingInput,
     RequestIdReused,
-    QueueFull,
+    LimitPassed,
     NotTerminal,
     Changed,  ///< The caller's idea of the job is out of date.
     ShuttingDown,

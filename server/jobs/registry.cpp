@@ -11,11 +11,6 @@ constexpr std::size_t kPreviewsKept = 8;
 // Workers look at the queue this often even if nobody wakes them.
 constexpr std::chrono::seconds kPollInterval{5};
 
-Time system_now() {
-    return std::chrono::time_point_cast<std::chrono::microseconds>(
-        std::chrono::system_clock::now());
-}
-
 EventKind kind_of(const JobEventBody& event) {
     constexpr EventKind kinds[]{EventKind::Progress, EventKind::Sample, EventKind::Warning,
                                 EventKind::Preview};
@@ -183,9 +178,10 @@ JobView JobRegistry::submit(const Submission& submission) {
             throw JobError(JobErrorCode::RequestIdReused,
                            "request_id was used before with another spec", submission.request_id);
         case Creation::Verdict::QueueFull:
-            throw JobError(JobErrorCode::QueueFull, "the queue is full: at most " +
-                                                        std::to_string(options_.max_queued) +
-                                                        " jobs may wait");
+            throw JobError(JobErrorCode::LimitPassed,
+                           "the queue is full: at most " + std::to_string(options_.max_queued) +
+                               " jobs may wait",
+                           "queue");
         case Creation::Verdict::MissingInput:
             throw JobError(JobErrorCode::MissingInput, "the input artifact isn't there",
                            creation.missing);
@@ -293,6 +289,21 @@ void JobRegistry::drain() {
     work_.notify_all();
 }
 
+bool JobRegistry::wait_until_idle(std::chrono::milliseconds timeout) {
+    std::unique_lock lock(mutex_);
+    return attempts_.wait_for(lock, timeout, [this] { return running_.empty(); });
+}
+
+void JobRegistry::surrender() {
+    const auto attempts = [this] {
+        const std::scoped_lock lock(mutex_);
+        return running_;
+    }();
+    for (const auto& [key, attempt] : attempts) {
+        end(*attempt, [this](const Claim& claim) { return store_.give_back(claim, clock_()); });
+    }
+}
+
 bool JobRegistry::is_draining() const {
     const std::scoped_lock lock(mutex_);
     return is_draining_;
@@ -391,6 +402,7 @@ std::optional<JobRecord> JobRegistry::end(Attempt& attempt, const Verdict& verdi
         const auto found = running_.find(attempt.job.key);
         if (found != running_.end() && found->second.get() == &attempt) {
             running_.erase(found);
+            attempts_.notify_all();
         }
     }
     if (job && job->state == JobState::Queued) {

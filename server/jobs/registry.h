@@ -112,7 +112,7 @@ public:
         std::string spec{};
         bool validate_only = false;
     };
-    /// \throws JobError{BadRequest, MissingInput, RequestIdReused, QueueFull, ShuttingDown}
+    /// \throws JobError{BadRequest, MissingInput, RequestIdReused, LimitPassed, ShuttingDown}
     JobView submit(const Submission& submission);
     /// \throws JobError{NotFound}
     JobView get(const JobKey& key);
@@ -131,6 +131,10 @@ public:
     /// spending their attempt.
     void drain();
     [[nodiscard]] bool is_draining() const;
+    /// \return whether nothing runs any more
+    bool wait_until_idle(std::chrono::milliseconds timeout);
+    /// Gives back what still runs although it was asked to stop; its workers can't write any more.
+    void surrender();
 
     [[nodiscard]] const RegistryOptions& options() const { return options_; }
 

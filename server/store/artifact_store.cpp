@@ -118,6 +118,14 @@ void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,
     }
 }
 
+void ArtifactStore::add(ArtifactDraft draft, Time now) {
+    const std::string tenant = draft.tenant_;
+    const ArtifactId artifact = draft.id_;
+    std::vector<ArtifactDraft> drafts;
+    drafts.push_back(std::move(draft));
+    publish(std::move(drafts), [&] { store_.add_artifact(tenant, artifact, now); });
+}
+
 std::optional<ArtifactId> ArtifactStore::find(const std::string& tenant,
                                               const std::string& sha256) const {
     return store_.find_artifact(tenant, sha256);

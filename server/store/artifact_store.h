@@ -71,6 +71,9 @@ public:
     /// in the JobStore. Files that aren't on record afterwards are deleted again.
     void publish(std::vector<ArtifactDraft> drafts, const std::function<void()>& record);
 
+    /// Publishes and records one finished draft.
+    void add(ArtifactDraft draft, Time now);
+
     [[nodiscard]] std::optional<ArtifactId> find(const std::string& tenant,
                                                  const std::string& sha256) const;
     /// \throws StoreError if the file is gone

@@ -13,6 +13,11 @@ namespace remesh {
 
 using Time = std::chrono::sys_time<std::chrono::microseconds>;
 
+[[nodiscard]] inline Time system_now() {
+    return std::chrono::time_point_cast<std::chrono::microseconds>(
+        std::chrono::system_clock::now());
+}
+
 /// The store can't do its work: disk full, damaged, or a data directory that it must not use.
 class StoreError : public std::runtime_error {
 public:
