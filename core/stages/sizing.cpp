@@ -1,1 +1,2 @@
 #include "core/stages/sizing.h"
+namespace remesh {}
