@@ -10,7 +10,7 @@ namespace remesh::improve {
 namespace {
 
 constexpr double kMaxStep = 0.3;     // Of the mean edge at the vertex.
-constexpr double kStillMove = 2e-3;  // Shorter moves don't wake the neighbours.
+constexpr double kStillMove = 1e-2;  // Shorter moves don't wake the neighbours.
 constexpr double kLift = 1e-2;       // Of volumes in stars that have a flat tet.
 constexpr std::size_t kBlock = 256;
 
