@@ -20,20 +20,23 @@ using remesh::client::Failure;
 using remesh::client::Settings;
 
 void add_global_options(CLI::App& app, Settings& settings) {
-    app.set_version_flag("--version", "remesh " REMESH_VERSION);
+    app.set_version_flag("--version", "remesh " REMESH_VERSION, "Print the version and exit");
     app.add_option("--server", settings.server, "HOST:PORT or unix:PATH; absent: a private one")
+        ->type_name("ADDRESS")
         ->envname("REMESH_SERVER");
     app.add_flag("--json", settings.json, "One JSON object a line on stdout");
     app.add_flag("-q,--quiet", settings.quiet, "Print errors only");
-    app.add_flag("--no-color{false},!--color", settings.color,
-                 "No colours; NO_COLOR does the same");
-    app.add_option("--timeout", settings.timeout,
-                   "Give up when the server is silent for so many seconds")
-        ->check(CLI::NonNegativeNumber);
+    app.add_flag_callback(
+        "--no-color", [&] { settings.color = false; }, "No colours; NO_COLOR does the same");
+    app.add_option("--timeout", settings.timeout, "Give up on a server that is silent for so long")
+        ->type_name("SECONDS")
+        ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
     app.add_option("--remeshd", settings.own_server.program, "Program of the private server")
+        ->type_name("FILE")
         ->envname("REMESH_REMESHD");
     app.add_option("--threads", settings.own_server.threads, "Threads of the private server")
-        ->check(CLI::PositiveNumber);
+        ->type_name("N")
+        ->check(CLI::Validator(CLI::PositiveNumber).description(""));
 }
 
 void add_commands(CLI::App& app, Action& chosen) {
@@ -82,7 +85,8 @@ int main(int argc, char** argv) {
     // What the library has to say is in the status of the call.
     setenv("GRPC_VERBOSITY", "NONE", 0);
 
-    CLI::App app("Turns damaged segmented surfaces into high-quality triangle and tet meshes.");
+    CLI::App app("Turns damaged segmented surfaces into high-quality triangle and tet meshes.",
+                 "remesh");
     Settings settings;
     Action action;
     add_global_options(app, settings);

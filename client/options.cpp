@@ -28,7 +28,7 @@ void add_choice(CLI::App& command, const std::string& name,
         .add_option_function<std::string>(
             name, [set, words](const std::string& word) { set(words.at(word)); }, help)
         ->type_name(type)
-        ->check(CLI::IsMember(words));
+        ->check(CLI::IsMember(words).description(""));
 }
 
 template <typename Setter>
@@ -138,7 +138,7 @@ void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
         spec.mutable_timeout()->set_seconds(milliseconds / 1000);
         spec.mutable_timeout()->set_nanos(static_cast<std::int32_t>(milliseconds % 1000) *
                                           1'000'000);
-    })->check(CLI::Range(0.001, 1e9));
+    })->check(CLI::Range(0.001, 1e9).description(""));
     add_value<std::vector<std::string>>(
         command, "--label", "KEY=VALUE", "Shown with the job; never patient data; repeatable",
         [&](const std::vector<std::string>& labels) {

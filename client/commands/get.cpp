@@ -56,16 +56,21 @@ ExitCode get(const GetArguments& arguments, Session& session) {
 void add_get(CLI::App& app, Action& chosen) {
     CLI::App* command = app.add_subcommand("get", "Download outputs of a finished job");
     const auto arguments = std::make_shared<GetArguments>();
-    command->add_option("JOB", arguments->name, "Name as printed by submit and list")->required();
+    command->add_option("JOB", arguments->name, "Name as printed by submit and list")
+        ->type_name("NAME")
+        ->required();
     command
         ->add_option("-o,--output", arguments->targets,
                      "File to write; its extension picks the output, .json the report; - is stdout "
                      "(repeatable)")
+        ->type_name("FILE")
         ->allow_extra_args(false)
         ->required();
-    command->add_option("--format", arguments->format, "Pick by format, whatever the name");
+    command->add_option("--format", arguments->format, "Pick by format, whatever the name")
+        ->type_name("FORMAT");
     command->add_option("--kind", arguments->kind, "Pick by kind, whatever the name")
-        ->check(CLI::IsMember({"surface", "tetrahedra", "report", "preview"}));
+        ->type_name("surface|tetrahedra|report|preview")
+        ->check(CLI::IsMember({"surface", "tetrahedra", "report", "preview"}).description(""));
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return get(*arguments, session); };
     });

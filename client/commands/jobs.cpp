@@ -97,7 +97,9 @@ void add_named(CLI::App& app, Action& chosen, const std::string& word, const std
                ExitCode (*action)(const NameArguments&, Session&)) {
     CLI::App* command = app.add_subcommand(word, help);
     const auto arguments = std::make_shared<NameArguments>();
-    command->add_option("JOB", arguments->names, "Names as printed by submit and list")->required();
+    command->add_option("JOB", arguments->names, "Names as printed by submit and list")
+        ->type_name("NAME")
+        ->required();
     command->callback([arguments, action, &chosen] {
         chosen = [arguments, action](Session& session) { return action(*arguments, session); };
     });
@@ -109,8 +111,11 @@ void add_list(CLI::App& app, Action& chosen) {
     CLI::App* command = app.add_subcommand("list", "List jobs, newest first");
     const auto arguments = std::make_shared<ListArguments>();
     command->add_option("--state", arguments->states, "Only jobs in this state (repeatable)")
+        ->type_name("STATE")
         ->allow_extra_args(false);
-    command->add_option("--most", arguments->most, "At most this many")->check(CLI::PositiveNumber);
+    command->add_option("--most", arguments->most, "At most this many")
+        ->type_name("N")
+        ->check(CLI::Validator(CLI::PositiveNumber).description(""));
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return list_jobs(*arguments, session); };
     });

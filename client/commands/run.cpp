@@ -84,7 +84,7 @@ v1::Format format_of_output(const RunArguments& arguments, const fs::path& targe
     return format_for(target, server);
 }
 
-std::vector<PlannedFile> plan_files(const RunArguments& arguments, const std::string& input,
+std::vector<PlannedFile> plan_files(const RunArguments& arguments, const fs::path& input,
                                     const v1::GetCapabilitiesResponse& server) {
     std::vector<PlannedFile> files;
     for (const std::string& output : arguments.outputs) {
@@ -131,7 +131,16 @@ void require_writable(const std::vector<Task>& tasks) {
     }
 }
 
-std::vector<Task> plan(const RunArguments& arguments, const v1::GetCapabilitiesResponse& server) {
+std::vector<Task> open_inputs(const RunArguments& arguments) {
+    std::vector<Task> tasks;
+    for (const std::string& input : arguments.inputs) {
+        tasks.push_back({InputFile(input), {}, {}, {}});
+    }
+    return tasks;
+}
+
+void plan(std::vector<Task>& tasks, const RunArguments& arguments,
+          const v1::GetCapabilitiesResponse& server) {
     if (!arguments.output_dir.empty()) {
         std::error_code error;
         fs::create_directories(arguments.output_dir, error);
@@ -140,12 +149,10 @@ std::vector<Task> plan(const RunArguments& arguments, const v1::GetCapabilitiesR
                                                        arguments.output_dir, error.message()));
         }
     }
-    std::vector<Task> tasks;
-    for (const std::string& input : arguments.inputs) {
-        tasks.push_back({InputFile(input), plan_files(arguments, input, server)});
+    for (Task& task : tasks) {
+        task.planned = plan_files(arguments, task.file.path(), server);
     }
     require_writable(tasks);
-    return tasks;
 }
 
 v1::JobSpec spec_for(const RunArguments& arguments, const Task& task) {
@@ -285,7 +292,8 @@ ExitCode run(const RunArguments& arguments, Session& session) {
     if (!session.is_private() && session.settings().own_server.threads > 0) {
         session.note("--threads is for a private server; the named one has its own");
     }
-    std::vector<Task> tasks = plan(arguments, session.any_server().capabilities());
+    std::vector<Task> tasks = open_inputs(arguments);
+    plan(tasks, arguments, session.any_server().capabilities());
     ExitCode code = ExitCode::Ok;
     try {
         code = run_tasks(tasks, arguments, session);
@@ -314,20 +322,29 @@ void add_run(CLI::App& app, Action& chosen) {
     CLI::App* command =
         app.add_subcommand("run", "Remesh surfaces: upload, follow, download, and compare");
     const auto arguments = std::make_shared<RunArguments>();
-    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")->required();
+    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")
+        ->type_name("FILE")
+        ->required();
     command
         ->add_option("-o,--output", arguments->outputs,
                      "File to write, its format by extension; - is stdout (repeatable)")
+        ->type_name("FILE")
         ->allow_extra_args(false);
-    command->add_option("--output-dir", arguments->output_dir,
-                        "Folder for IN_remeshed.EXT, made if need be");
+    command
+        ->add_option("--output-dir", arguments->output_dir,
+                     "Folder for IN_remeshed.EXT, made if need be")
+        ->type_name("FOLDER");
     command
         ->add_option("--format", arguments->formats,
                      "Format of outputs whose name doesn't say it, e.g. vtu, msh22 (repeatable)")
+        ->type_name("FORMAT")
         ->allow_extra_args(false);
-    command->add_option("--input-format", arguments->input_format,
-                        "Format of the input; found from its content if absent");
-    command->add_option("--report", arguments->report, "Also write the full report, JSON");
+    command
+        ->add_option("--input-format", arguments->input_format,
+                     "Format of the input; found from its content if absent")
+        ->type_name("FORMAT");
+    command->add_option("--report", arguments->report, "Also write the full report, JSON")
+        ->type_name("FILE");
     add_job_options(*command, arguments->spec);
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return run(*arguments, session); };

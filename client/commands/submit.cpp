@@ -48,13 +48,18 @@ void add_submit(CLI::App& app, Action& chosen) {
     CLI::App* command =
         app.add_subcommand("submit", "Send surfaces to a server and print one job name a line");
     const auto arguments = std::make_shared<SubmitArguments>();
-    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")->required();
+    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")
+        ->type_name("FILE")
+        ->required();
     command
         ->add_option("--format", arguments->formats,
                      "Format wanted back, e.g. vtu, ply, msh22 (repeatable; vtu and ply if absent)")
+        ->type_name("FORMAT")
         ->allow_extra_args(false);
-    command->add_option("--input-format", arguments->input_format,
-                        "Format of the input; found from its content if absent");
+    command
+        ->add_option("--input-format", arguments->input_format,
+                     "Format of the input; found from its content if absent")
+        ->type_name("FORMAT");
     add_job_options(*command, arguments->spec);
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return submit(*arguments, session); };

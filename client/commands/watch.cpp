@@ -47,9 +47,12 @@ void add_watch(CLI::App& app, Action& chosen) {
     CLI::App* command =
         app.add_subcommand("watch", "Follow a job to its end; its outcome is the exit status");
     const auto arguments = std::make_shared<WatchArguments>();
-    command->add_option("JOB", arguments->name, "Name as printed by submit and list")->required();
+    command->add_option("JOB", arguments->name, "Name as printed by submit and list")
+        ->type_name("NAME")
+        ->required();
     command->add_option("--after", arguments->after, "Only events after this sequence")
-        ->check(CLI::NonNegativeNumber);
+        ->type_name("SEQUENCE")
+        ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return watch(*arguments, session); };
     });
