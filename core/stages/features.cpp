@@ -1,1 +1,2 @@
 #include "core/stages/features.h"
+namespace remesh {}
