@@ -154,6 +154,7 @@ std::string VtkXmlArrays::decode(Source source, const std::string& what) {
     if (size > source.most()) {
         fail_short(what);
     }
+    budget_.charge(size);  // Any number of arrays may lie in the same appended bytes.
     std::string bytes = source.first(word + size);
     bytes.erase(0, word);
     return bytes;

@@ -240,6 +240,19 @@ TEST(ReadVtp, RefusesMoreElementsThanAnyMeshHas) {
     EXPECT_THAT(error_of(file + "</VTKFile>", ""), StartsWith("TooLarge: VTP: more than 200,000"));
 }
 
+TEST(ReadVtp, RefusesManyPiecesInTheSameBytes) {
+    std::string file = "<VTKFile type=\"PolyData\"><PolyData>";
+    for (int i = 0; i < 1'000; ++i) {
+        file +=
+            "<Piece NumberOfPoints=\"10000\"><Points><DataArray type=\"Int8\" format=\"appended\" "
+            "offset=\"0\"/></Points></Piece>";
+    }
+    file += "</PolyData><AppendedData encoding=\"raw\">_" + bytes_of(30'000U) +
+            std::string(30'000, '\0') + "</AppendedData></VTKFile>";
+
+    EXPECT_THAT(error_of(file, "", {.max_expansion = 20}), StartsWith("TooLarge: "));
+}
+
 struct NamedFile {
     std::string name{};
     std::string bytes{};
