@@ -16,8 +16,13 @@ std::size_t at(Index i) {
 
 }  // namespace
 
-LipschitzField::LipschitzField(std::vector<SizingSample> samples, double h_max, double gradation)
-    : samples_(std::move(samples)), h_min_(h_max), h_max_(h_max), gradation_(gradation) {
+LipschitzField::LipschitzField(std::vector<SizingSample> samples, double h_max, double gradation,
+                               double plateau)
+    : samples_(std::move(samples)),
+      h_min_(h_max),
+      h_max_(h_max),
+      gradation_(gradation),
+      plateau_(plateau) {
     for (const SizingSample& sample : samples_) {
         h_min_ = std::min(h_min_, sample.h);
     }
@@ -46,7 +51,8 @@ double LipschitzField::h(const Vec3& point) const {
         if (node.right == kNone) {
             for (Index i = node.first; i < node.first + node.count; ++i) {
                 const SizingSample& sample = samples_[at(i)];
-                best = std::min(best, sample.h + gradation_ * (sample.x - point).norm());
+                const double beyond = std::max(0.0, (sample.x - point).norm() - plateau_);
+                best = std::min(best, sample.h + gradation_ * beyond);
             }
             continue;
         }
@@ -87,7 +93,7 @@ Index LipschitzField::build(Index first, Index count) {
 double LipschitzField::bound(const Node& node, const Vec3& point) const {
     const Vec3 outside =
         (node.box.low - point).cwiseMax(point - node.box.high).cwiseMax(Vec3::Zero());
-    return node.least + gradation_ * outside.norm();
+    return node.least + gradation_ * std::max(0.0, outside.norm() - plateau_);
 }
 
 }  // namespace remesh

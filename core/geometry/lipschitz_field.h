@@ -14,7 +14,7 @@ struct SizingSample {
 };
 
 /// The largest field that honours every sample and grows no faster than its gradation:
-/// h(x) = clamp(min_i (h_i + gradation |x - x_i|), h_min, h_max).
+/// h(x) = min(h_max, min_i (h_i + gradation max(0, |x - x_i| - plateau))).
 ///
 /// Found by branch and bound on a k-d tree whose nodes know their least h_i, so it is exactly
 /// Lipschitz: nothing is interpolated.
@@ -22,7 +22,11 @@ class LipschitzField final : public SizingField {
 public:
     /// \param h_max      away from all samples, > 0
     /// \param gradation  > 0
-    LipschitzField(std::vector<SizingSample> samples, double h_max, double gradation);
+    /// \param plateau    radius around each sample where it holds unchanged, >= 0: about the
+    /// samples'
+    ///                   spacing, or h would rise between them
+    LipschitzField(std::vector<SizingSample> samples, double h_max, double gradation,
+                   double plateau = 0.0);
 
     [[nodiscard]] double h(const Vec3& point) const override;
     [[nodiscard]] double h_min() const override { return h_min_; }
@@ -46,6 +50,7 @@ private:
     double h_min_;
     double h_max_;
     double gradation_;
+    double plateau_;
 };
 
 }  // namespace remesh

@@ -9,8 +9,8 @@
 
 namespace remesh::io {
 
-/// What all decompression for one file may yield together. A small file can't be blown up by
-/// compressing the same bytes many times over, since every inflated byte is charged here.
+/// What decoding one file may yield in all. A small file can't be blown up by nesting compression
+/// or by naming the same bytes many times over, since every decoded byte is charged here.
 class InflateBudget {
 public:
     InflateBudget(std::size_t file_size, const ReadLimits& limits);

@@ -77,4 +77,8 @@ std::string grouped(std::size_t number) {
     return grouped(static_cast<std::int64_t>(number));
 }
 
+std::string counted(std::int64_t number, std::string_view noun) {
+    return grouped(number) + " " + std::string(noun) + (number == 1 ? "" : "s");
+}
+
 }  // namespace remesh::io

@@ -87,4 +87,7 @@ auto with_type(NumberType type, Visit visit) {
 [[nodiscard]] std::string grouped(std::int64_t number);
 [[nodiscard]] std::string grouped(std::size_t number);
 
+/// "1 triangle", "4,000 triangles".
+[[nodiscard]] std::string counted(std::int64_t number, std::string_view noun);
+
 }  // namespace remesh::io

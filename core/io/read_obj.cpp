@@ -19,7 +19,7 @@ public:
             read_statement();
         }
         if (builder_.triangle_count() == 0 && lines_ > 0) {
-            text_.fail("the file holds " + grouped(lines_) + " lines but no faces");
+            text_.fail("the file holds " + counted(lines_, "line") + " but no faces");
         }
         return builder_.finish();
     }

@@ -33,7 +33,7 @@ void check_binary_size(std::string_view bytes, SurfaceBuilder& builder) {
     if (declared != held) {
         throw Error(ErrorCode::InvalidInput,
                     "STL says " + grouped(declared) + " triangles but holds " + grouped(held) +
-                        (left_over != 0 ? " and " + grouped(left_over) + " bytes" : ""));
+                        (left_over != 0 ? " and " + grouped(left_over) + " bytes more" : ""));
     }
     if (left_over != 0) {
         builder.warn(grouped(left_over) + " bytes after the last triangle were ignored");
@@ -82,7 +82,7 @@ public:
         if (in_solid_) {
             // Refused, since half a surface would go on as if it were the whole.
             text_.fail("the last solid has no 'endsolid': the file was cut off after " +
-                       grouped(builder_.triangle_count()) + " triangles");
+                       counted(builder_.triangle_count(), "triangle"));
         }
         return builder_.finish();
     }

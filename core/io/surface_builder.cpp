@@ -105,7 +105,7 @@ ReadResult SurfaceBuilder::finish() {
     }
     check_indices();
     if (thin_faces_ > 0) {
-        warn(grouped(thin_faces_) + " faces with fewer than 3 corners were left out");
+        warn("left out: " + counted(thin_faces_, "face") + " with fewer than 3 corners");
     }
     warn_not_finite();
     settle_patches();
@@ -135,7 +135,7 @@ void SurfaceBuilder::warn_not_finite() {
         mesh.triangles.begin(), mesh.triangles.end(),
         [&](const Triangle& t) { return is_bad(t[0]) || is_bad(t[1]) || is_bad(t[2]); });
     if (bad > 0) {
-        warn(grouped(std::int64_t{bad}) + " triangles have coordinates that aren't finite");
+        warn("coordinates that aren't finite in " + counted(bad, "triangle"));
     }
 }
 

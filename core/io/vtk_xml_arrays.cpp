@@ -89,12 +89,7 @@ VtkXmlArrays::VtkXmlArrays(const pugi::xml_node& root, std::string_view appended
     if (std::string_view(root.attribute("header_type").value()) == "UInt64") {
         header_type_ = NumberType::UInt64;
     }
-    const std::string_view compressor = root.attribute("compressor").value();
-    compressed_ = !compressor.empty();
-    if (compressed_ && compressor != "vtkZLibDataCompressor") {
-        throw Error(ErrorCode::Unsupported, "VTP: compressed by " + quoted(compressor) +
-                                                "; only zlib and no compression are read");
-    }
+    compressor_ = root.attribute("compressor").value();
 }
 
 std::vector<double> VtkXmlArrays::reals(const pugi::xml_node& array) {
@@ -147,14 +142,19 @@ std::uint64_t VtkXmlArrays::header_word(std::string_view header, std::size_t i) 
 // Plain: a word with the number of bytes, then the bytes.
 template <typename Source>
 std::string VtkXmlArrays::decode(Source source, const std::string& what) {
-    if (compressed_) {
+    if (compressor_ == "vtkZLibDataCompressor") {
         return decode_compressed(source, what);
+    }
+    if (!compressor_.empty()) {
+        throw Error(ErrorCode::Unsupported, what + " is compressed by " + quoted(compressor_) +
+                                                "; only zlib and no compression are read");
     }
     const std::size_t word = size_of(header_type_);
     const std::uint64_t size = header_word(source.first(word), 0);
     if (size > source.most()) {
         fail_short(what);
     }
+    budget_.charge(size);  // Any number of arrays may lie in the same appended bytes.
     std::string bytes = source.first(word + size);
     bytes.erase(0, word);
     return bytes;

@@ -16,12 +16,12 @@ namespace remesh::io {
 class VtkXmlArrays {
 public:
     /// \param appended  what follows '_' in <AppendedData>, or empty
-    /// \throws Error{Unsupported} for a compressor other than zlib
     VtkXmlArrays(const pugi::xml_node& root, std::string_view appended, bool appended_is_base64,
                  InflateBudget& budget);
 
     /// All values of a DataArray.
     /// \throws Error{InvalidInput} if it's damaged or ends early
+    /// \throws Error{Unsupported} for a compressor other than zlib
     [[nodiscard]] std::vector<double> reals(const pugi::xml_node& array);
     [[nodiscard]] std::vector<std::int64_t> integers(const pugi::xml_node& array);
 
@@ -37,7 +37,7 @@ private:
     bool appended_is_base64_;
     InflateBudget& budget_;
     bool swap_ = false;
-    bool compressed_ = false;
+    std::string compressor_{};
     NumberType header_type_ = NumberType::UInt32;
 };
 

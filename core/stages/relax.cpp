@@ -14,7 +14,8 @@
 namespace remesh {
 namespace {
 
-constexpr double kSurfaceCutoff = 1.33;      // rc over h: beyond the first ring of neighbours.
+constexpr double kCurveCutoff = 2.0;         // rc over h: reaches the next particle only.
+constexpr double kSurfaceCutoff = 1.33;      // Beyond the first ring of neighbours.
 constexpr double kVolumeCutoff = 1.14;       // Between the shells; from 1.3 on the lattice melts.
 constexpr double kGradedVolumeCutoff = 1.2;  // Where h varies there is no lattice to keep.
 constexpr double kOpposed = -0.2;            // Cosine of normals on two sides of a thin sheet.
@@ -70,7 +71,10 @@ public:
         particles_.position[i] = place.point;
         particles_.normal[i] = place.tangent;
     }
-    [[nodiscard]] bool are_neighbours(Index, Index) const { return true; }
+    [[nodiscard]] bool are_neighbours(Index i, Index j) const {
+        return particles_.kind[at(j)] == ParticleKind::Corner ||
+               particles_.anchor[at(i)] == particles_.anchor[at(j)];
+    }
     [[nodiscard]] std::int64_t surface_particles() const {
         return static_cast<std::int64_t>(particles_.size());
     }
@@ -249,9 +253,9 @@ RelaxResult relax_surface(const Particles& particles, const Domain& domain,
     check_positions(particles);
     Particles moved = particles;
     PairForce pair{.law = options.force,
-                   .cutoff = kSurfaceCutoff,
+                   .cutoff = kCurveCutoff,
                    .exponent = options.charge_exponent,
-                   .dimension = 2};
+                   .dimension = 1};
 
     const std::vector<Index> bound = of_kind(moved, ParticleKind::Curve, ParticleKind::Corner);
     const std::vector<Index> curve = of_kind(moved, ParticleKind::Curve, ParticleKind::Curve);
@@ -263,6 +267,8 @@ RelaxResult relax_surface(const Particles& particles, const Domain& domain,
     const std::vector<Index> all = of_kind(moved, ParticleKind::Surface, ParticleKind::Corner);
     const std::vector<Index> sliding = of_kind(moved, ParticleKind::Surface, ParticleKind::Surface);
     SurfaceBond on_surface(moved, sliding, domain);
+    pair.cutoff = kSurfaceCutoff;
+    pair.dimension = 2;
     Swarm surface(moved, sliding, all, sizing, options, pair, on_surface);
     const SwarmState state =
         surface.relax(options.max_surface_iterations, 0.05 * kSurfaceShare, kSurfaceShare, run);

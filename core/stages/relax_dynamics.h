@@ -35,10 +35,10 @@ template <ForceLaw kLaw>
 [[nodiscard]] PairState pair_state(const PairForce& pair, double s) {
     if constexpr (kLaw == ForceLaw::Springs) {
         const double t = 1.0 - s / pair.cutoff;
-        if (pair.dimension == 3) {
-            return {t, 1.0 / pair.cutoff, 0.5 * pair.cutoff * t * t};
+        if (pair.dimension == 2) {
+            return {t * t, 2.0 * t / pair.cutoff, pair.cutoff * t * t * t / 3.0};
         }
-        return {t * t, 2.0 * t / pair.cutoff, pair.cutoff * t * t * t / 3.0};
+        return {t, 1.0 / pair.cutoff, 0.5 * pair.cutoff * t * t};
     } else {
         const double p = pair.exponent;
         const double near = std::pow(s, -p);
@@ -167,9 +167,10 @@ private:
                 const double r = std::sqrt(squared);
                 const double s = r / mean_h;
                 const PairState state = pair_state<kLaw>(pair_, s);
-                const double weight =
-                    is_uniform ? 1.0
-                               : (pair_.dimension == 3 ? mean_h * mean_h / (h * h) : mean_h / h);
+                double weight = 1.0;
+                for (int power = 1; power < pair_.dimension && !is_uniform; ++power) {
+                    weight *= mean_h / h;
+                }
                 force += (weight * state.force / r) * apart;
                 // Mean over the directions: along the pair k, across it f / s.
                 stiffness += weight * (state.stiffness + 2.0 * state.force / s) / 3.0;

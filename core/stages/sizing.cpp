@@ -16,6 +16,7 @@ namespace remesh {
 namespace {
 
 constexpr double kSampleSpacing = 0.5;  // Over h.
+constexpr double kPlateau = 0.43;       // Over h: no place of the surface is farther from a probe.
 constexpr double kAcrossBody = 0.7;     // Spacing over thickness: less than two layers are coarse.
 constexpr double kAcrossGap = 1.0;      // Spacing over the gap to the next wall outside.
 constexpr double kWorthIt = 0.97;       // Refinement by less than this isn't worth a graded field.
@@ -167,7 +168,7 @@ std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
     if (samples.empty()) {
         return std::make_shared<UniformSizing>(h);
     }
-    return std::make_shared<LipschitzField>(std::move(samples), h, options.gradation);
+    return std::make_shared<LipschitzField>(std::move(samples), h, options.gradation, kPlateau * h);
 }
 
 }  // namespace remesh

@@ -68,6 +68,20 @@ std::string content_of(const fs::path& file) {
     return content.str();
 }
 
+std::string wait_for_text(const fs::path& file, const std::string& text) {
+    const int watch = inotify_init1(IN_CLOEXEC);
+    inotify_add_watch(watch, file.parent_path().c_str(), IN_MODIFY | IN_CREATE);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    std::string content = content_of(file);
+    while (content.find(text) == std::string::npos && std::chrono::steady_clock::now() < deadline) {
+        pollfd changed{watch, POLLIN, 0};
+        poll(&changed, 1, 100);
+        content = content_of(file);
+    }
+    close(watch);
+    return content;
+}
+
 std::string ClientResult::last_error_line() const {
     const std::size_t end = err.find_last_not_of('\n');
     if (end == std::string::npos) {
@@ -110,19 +124,6 @@ ClientProcess::~ClientProcess() {
 
 void ClientProcess::send(int signal) const {
     kill(pid_, signal);
-}
-
-void ClientProcess::wait_for_error_text(const std::string& text) const {
-    const fs::path file = streams_.path() / "err";
-    const int watch = inotify_init1(IN_CLOEXEC);
-    inotify_add_watch(watch, file.c_str(), IN_MODIFY);
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    while (content_of(file).find(text) == std::string::npos &&
-           std::chrono::steady_clock::now() < deadline) {
-        pollfd changed{watch, POLLIN, 0};
-        poll(&changed, 1, 1000);
-    }
-    close(watch);
 }
 
 ClientResult ClientProcess::wait() {

@@ -25,7 +25,11 @@ private:
     std::filesystem::path path_;
 };
 
+/// Empty if there is no such file.
 [[nodiscard]] std::string content_of(const std::filesystem::path& file);
+
+/// Waits until the file has `text`, for at most half a minute; returns its content then.
+std::string wait_for_text(const std::filesystem::path& file, const std::string& text);
 
 struct ClientResult {
     int exit_code = -1;  ///< -1 if a signal killed it.
@@ -44,8 +48,9 @@ public:
     ClientProcess& operator=(const ClientProcess&) = delete;
 
     void send(int signal) const;
-    /// Waits until stderr has `text`, for at most half a minute.
-    void wait_for_error_text(const std::string& text) const;
+    void wait_for_error_text(const std::string& text) const {
+        wait_for_text(streams_.path() / "err", text);
+    }
     ClientResult wait();
 
 private:

@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <sys/syscall.h>
 
+#include <poll.h>
 #include <signal.h>
 #include <sstream>
+#include <unistd.h>
 
 #include "tests/service/client_fake_server.h"
 #include "tests/service/client_process.h"
@@ -382,53 +385,52 @@ TEST_F(Client, NeedsAServerForJobsThatLive) {
     EXPECT_THAT(result.last_error_line(), HasSubstr("--server"));
 }
 
-TEST_F(Client, SaysWhyAPrivateServerDidntStart) {
-    const std::string program = folder_.file("remeshd", "#!/bin/sh\necho no disk >&2\nexit 9\n");
-    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+/// Client with a program in the private server's place: it says its process id and hangs.
+class PrivateServerTest : public Client {
+protected:
+    std::string program(const std::string& script) {
+        const std::string path = folder_.file("remeshd", "#!/bin/sh\n" + script);
+        std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+        return path;
+    }
+    std::string hanging_program() {
+        return program("echo $$ > \"$TMPDIR/pid\"\nexec sleep 1000\n");
+    }
+    pid_t server_pid() { return std::stoi(wait_for_text(folder_.path() / "pid", "\n")); }
+};
 
-    const auto result = run_client(folder_, {"--remeshd", program, "run", input_});
+TEST_F(PrivateServerTest, SaysWhyItDidntStart) {
+    const auto result =
+        run_client(folder_, {"--remeshd", program("echo no disk >&2\nexit 9\n"), "run", input_});
 
     EXPECT_EQ(result.exit_code, 1);
     EXPECT_EQ(result.last_error_line(), "remesh: the private server ended with status 9: no disk");
     EXPECT_THAT(folder_.names(), ElementsAre("in.stl", "remeshd"));
 }
 
-TEST_F(Client, StopsAPrivateServerThatHangsWhenInterrupted) {
-    const std::string program =
-        folder_.file("remeshd", "#!/bin/sh\necho $$ > \"$TMPDIR/pid\"\nexec sleep 1000\n");
-    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
-    ClientProcess client(folder_, {"--remeshd", program, "run", input_});
-    const std::filesystem::path pid_file = folder_.path() / "pid";
-    while (content_of(pid_file).find('\n') == std::string::npos) {
-    }
+TEST_F(PrivateServerTest, IsStoppedWhenTheClientIsInterrupted) {
+    ClientProcess client(folder_, {"--remeshd", hanging_program(), "run", input_});
+    const pid_t pid = server_pid();
 
     client.send(SIGINT);
     const auto result = client.wait();
 
     EXPECT_EQ(result.exit_code, 130);
-    EXPECT_EQ(kill(std::stoi(content_of(pid_file)), 0), -1);
+    EXPECT_EQ(kill(pid, 0), -1);
     EXPECT_THAT(folder_.names(), ElementsAre("in.stl", "pid", "remeshd"));
 }
 
-TEST_F(Client, TakesItsPrivateServerAlongWhenItIsKilled) {
-    const std::string program =
-        folder_.file("remeshd", "#!/bin/sh\necho $$ > \"$TMPDIR/pid\"\nexec sleep 1000\n");
-    std::filesystem::permissions(program, std::filesystem::perms::owner_all);
-    ClientProcess client(folder_, {"--remeshd", program, "run", input_});
-    const std::filesystem::path pid_file = folder_.path() / "pid";
-    while (content_of(pid_file).find('\n') == std::string::npos) {
-    }
-    const pid_t server_pid = std::stoi(content_of(pid_file));
+TEST_F(PrivateServerTest, DiesWithAClientThatIsKilledAndTheNextOneCleansUp) {
+    ClientProcess client(folder_, {"--remeshd", hanging_program(), "run", input_});
+    const int server = static_cast<int>(syscall(SYS_pidfd_open, server_pid(), 0));
 
     client.send(SIGKILL);
     client.wait();
 
-    // Nobody may reap it but init: it is gone once it is no more or a zombie.
-    const std::string stat = "/proc/" + std::to_string(server_pid) + "/stat";
-    std::string text = content_of(stat);
-    while (!text.empty() && text.find(") Z") == std::string::npos) {
-        text = content_of(stat);
-    }
+    pollfd ended{server, POLLIN, 0};
+    EXPECT_EQ(poll(&ended, 1, 30'000), 1);
+    close(server);
+    EXPECT_THAT(folder_.names(), SizeIs(4));
     run_client(folder_, {"--remeshd", "/bin/false", "run", input_});
     EXPECT_THAT(folder_.names(), ElementsAre("in.stl", "pid", "remeshd"));
 }
