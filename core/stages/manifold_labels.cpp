@@ -286,15 +286,21 @@ void ManifoldLabels::consider(Group group) {
         return;
     }
     list_vertices(group);
-    int gain = 0;
-    flip(group);
-    for (const Index w : touched_) {
-        gain += badness_[w] - badness_at(w, link_);
+    const int before = std::accumulate(touched_.begin(), touched_.end(), 0,
+                                       [&](int sum, Index w) { return sum + badness_[w]; });
+    const double harm = total_harm(group) + kLeastHarm;
+    const auto score = [&](int after) { return (before - after) / harm; };
+    if (score(0) <= best_score_) {
+        return;
     }
     flip(group);
-    const double score = gain / (total_harm(group) + kLeastHarm);
-    if (score > best_score_) {
-        best_score_ = score;
+    int after = 0;
+    for (auto w = touched_.begin(); w != touched_.end() && score(after) > best_score_; ++w) {
+        after += badness_at(*w, link_);
+    }
+    flip(group);
+    if (score(after) > best_score_) {
+        best_score_ = score(after);
         best_ = std::move(group);
     }
 }
