@@ -41,7 +41,8 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
     // Hospital networks set http_proxy for browsers; a mesh server is never behind it.
     arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
+    // In spite of its name the time that one attempt to connect gets.
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
     return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
 }
