@@ -8,7 +8,9 @@
 namespace remesh {
 
 /// Pairs of triangles that meet anywhere but in a common vertex or edge, by exact predicates;
-/// first < second, sorted. Triangles that share an edge count when they fold onto each other.
+/// first < second, sorted. Triangles that share an edge count when they fold onto each other, and
+/// touching counts. Vertices are the same only if their indices are: two of them at one position
+/// make their triangles meet. Exactly collinear and non-finite triangles are left out.
 std::vector<std::pair<Index, Index>> self_intersections(const Points& vertices,
                                                         const std::vector<Triangle>& triangles);
 

@@ -17,7 +17,8 @@ enum class MeshFormat { Stl, Ply, Off, Obj, Vtp, Vtk, Gifti, Vtu, Medit, Msh41, 
 /// there before memory is allocated.
 struct ReadLimits {
     std::uint64_t max_bytes = std::uint64_t{2} << 30;  ///< Of the file after decompression.
-    double max_expansion = 200.0;  ///< Decompressed over compressed size (for more than 1 MiB).
+    double max_expansion = 200.0;  ///< Decompressed size, of gzip and of arrays inside the file
+                                   ///< together, over that of the file (for more than 1 MiB).
     std::int64_t max_triangles = 100'000'000;
 };
 
@@ -25,27 +26,39 @@ struct ReadResult {
     SurfaceMesh mesh{};  ///< As in the file: nothing welded, polygons split to fans.
     MeshFormat format = MeshFormat::Stl;
     std::vector<std::string>
-        warnings{};  ///< E.g. "STL: 3 triangles have coordinates that aren't finite".
+        warnings{};  ///< E.g. "STL: coordinates that aren't finite in 3 triangles".
 };
 
 /// Reads a surface from the bytes of a file, gzipped or not.
 ///
 /// The format is taken from the content where it has a signature; `name_hint` (a file name or
 /// extension, may be empty) decides the rest. Never opens another file, whatever the bytes say.
+///
+/// Patches come from OBJ groups and objects, STL solids by name, a face property "patch" of PLY,
+/// and the cell array "patch" of VTP and VTK or else their first array of whole numbers that
+/// isn't a numbering of the cells. There are none unless at least two are told apart; they're
+/// numbered from 0 without gaps.
+///
 /// \throws Error{InvalidInput} saying what is wrong and where ("STL says 4,000,000 triangles but
-/// holds 498") \throws Error{Unsupported} for a known format that holds no surface we can read (a
-/// NIfTI label map, a ZIP) \throws Error{TooLarge} if a limit would be passed
+/// holds 498")
+/// \throws Error{Unsupported} for a known format that holds no surface we can read (a NIfTI label
+/// map, a ZIP)
+/// \throws Error{TooLarge} if a limit would be passed
 ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
                         const ReadLimits& limits = {});
 
 /// Writes a surface: Stl (binary), Ply (binary), Off, Obj, Vtp (zlib, inline base64), Vtk (legacy,
 /// binary). Patches go to OBJ groups, STL is one solid, VTP and VTK cell data "patch", PLY a face
-/// property. \throws Error{Unsupported} for another format
+/// property. Whether all could be written is told by the state of `out`.
+/// \throws Error{Unsupported} for another format
+/// \throws Error{InvalidInput} for coordinates beyond single precision in STL
 void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& out);
 
 /// Writes tets: Vtu (zlib, appended or inline base64), Vtk (legacy, binary), Medit (.mesh, ASCII,
 /// with boundary triangles), Msh41 and Msh22 (gmsh ASCII, physical names, with boundary triangles).
+/// The label of a boundary triangle is the region that it bounds.
 /// \throws Error{Unsupported} for another format
+/// \throws Error{InvalidInput} for a region below 1 in Medit, Msh41 and Msh22
 void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out);
 
 /// By extension (".gz" ignored), any case; nothing for an unknown one. ".msh" is Msh41.

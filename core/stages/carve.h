@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/exact/delaunay.h"
 #include "core/geometry/domain.h"
 #include "core/geometry/particles.h"
-#include "core/geometry/sizing_field.h"
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
 
@@ -27,16 +27,22 @@ struct CarveResult {
 };
 
 /// Takes the tets that lie inside, so that their boundary is closed and edge- and vertex-manifold.
+/// Tets keep the order they have in `delaunay`.
 ///
-/// A tet with a volume vertex stays; one with surface vertices only is judged by the domain at its
-/// circumcentre (restricted Delaunay; at the centroid where the circumradius passes 1.2 h). Then a
-/// greedy labelling switches tets around vertices whose boundary isn't one fan, and a last resort
-/// that only removes, so that it always ends manifold. \throws Error{Unmeshable} if nothing is
-/// left; Error{Cancelled}
-CarveResult carve_domain(const Particles& particles, const std::vector<Tet>& delaunay,
-                         const Domain& domain, const SizingField& sizing,
-                         const CarveOptions& options, RunContext& run);
+/// A tet with a volume vertex stays (unless its circumradius passes h and its centroid is outside);
+/// one with surface vertices only is judged by the domain at its circumcentre (restricted Delaunay;
+/// at the centroid where the circumradius passes 1.2 h), and is out if it is flat. Here h is the
+/// mean `particles.h` of its corners. Then a greedy labelling switches tets around vertices whose
+/// boundary isn't one fan, and a last resort that only removes, so that it always ends manifold.
+/// Since Delaunay tets don't overlap, the boundary has no self-intersection either.
+///
+/// \param delaunay  of the particles, from `tetrahedralize`
+/// \throws Error{InvalidInput} if an option is out of range; Error{Unmeshable} if nothing is left;
+/// Error{Cancelled}
+CarveResult carve_domain(const Particles& particles, const TetComplex& delaunay,
+                         const Domain& domain, const CarveOptions& options, RunContext& run);
 
+/// \throws Error{InvalidInput} naming the field, its range and the value
 void validate(const CarveOptions& options);
 
 }  // namespace remesh

@@ -1,1 +1,287 @@
 #include "core/stages/improve.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "core/error.h"
+#include "core/stages/improve/flips.h"
+#include "core/stages/improve/measures.h"
+#include "core/stages/improve/part.h"
+#include "core/stages/improve/smooth.h"
+#include "core/stages/improve/worst_first.h"
+#include "core/stages/verify.h"
+
+namespace remesh {
+namespace {
+
+using improve::at;
+using improve::index;
+
+constexpr int kMaxRounds = 6;
+constexpr double kWorstFirstGoal = 0.5;  // Sine of 30 degrees.
+constexpr int kWorstFirstPasses = 6;
+
+// Share of work that a mode spends on the worst elements.
+struct Plan {
+    double power = 3.0;
+    double goal = kWorstFirstGoal;
+    int worst_first_passes = kWorstFirstPasses;
+};
+
+Plan plan_for(const ImproveOptions& options) {
+    if (options.mode == ImproveMode::MaxMinAngle) {
+        return {std::max(options.power, 6.0), 0.59, 3 * kWorstFirstPasses};  // 36 degrees.
+    }
+    return {options.power, kWorstFirstGoal, kWorstFirstPasses};
+}
+
+// Counts of the radius ratio, fine enough for quantiles.
+class QualityCounts {
+public:
+    void add(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+        const double q = improve::radius_ratio(a, b, c, d);
+        const double bin = std::clamp(q, 0.0, 1.0) * kBins;
+        ++bins_[std::min(static_cast<std::size_t>(bin), kBins - 1)];
+        sum_ += q;
+        ++count_;
+    }
+
+    [[nodiscard]] QualitySample sample() const {
+        QualitySample result;
+        if (count_ == 0) {
+            return result;
+        }
+        result.mean = sum_ / static_cast<double>(count_);
+        std::int64_t below = 0;
+        bool is_found = false;
+        for (std::size_t i = 0; i < kBins; ++i) {
+            below += bins_[i];
+            result.histogram[i * result.histogram.size() / kBins] += bins_[i];
+            if (!is_found && 100 * below >= count_) {
+                result.first_percentile = (static_cast<double>(i) + 0.5) / kBins;
+                is_found = true;
+            }
+        }
+        return result;
+    }
+
+private:
+    static constexpr std::size_t kBins = 1000;
+    std::array<std::int64_t, kBins> bins_{};
+    double sum_ = 0.0;
+    std::int64_t count_ = 0;
+};
+
+// One round: from the carved mesh to an improved part of it.
+class Round {
+public:
+    Round(const CarveResult& carved, const std::vector<Index>& anchor,
+          const std::vector<std::uint8_t>& frozen, const improve::Shape& shape,
+          const ImproveOptions& options, RunContext& run)
+        : carved_(carved),
+          shape_(shape),
+          options_(options),
+          plan_(plan_for(options)),
+          run_(run),
+          part_(improve::cut_part(carved, anchor, frozen, options.flip_below)) {
+        const auto& points = carved.mesh.vertices;
+        for (std::size_t t = 0; t < carved.mesh.tets.size(); ++t) {
+            if (!part_.is_inside[t]) {
+                const auto& tet = carved.mesh.tets[t];
+                untouched_.add(points[at(tet[0])], points[at(tet[1])], points[at(tet[2])],
+                               points[at(tet[3])]);
+            }
+        }
+    }
+
+    void run() {
+        const int steps = options_.passes + plan_.worst_first_passes;
+        for (int pass = 0; pass < options_.passes; ++pass) {
+            const auto flips = improve::flip_pass(part_.mesh, options_.flip_below, pass == 0, run_);
+            flips_ += flips;
+            const auto smoothed = improve::smooth_vertices(part_.mesh, shape_, plan_.power,
+                                                           options_.surface_weight, run_);
+            tell(smoothed, static_cast<double>(pass + 1) / steps);
+            if (flips == 0 && smoothed.moved == 0) {
+                break;
+            }
+        }
+        for (int pass = 0; pass < plan_.worst_first_passes; ++pass) {
+            const auto done = improve::raise_worst_elements(part_.mesh, shape_, plan_.goal, run_);
+            flips_ += done.flips;
+            collapses_ += done.collapses;
+            run_.report(static_cast<double>(options_.passes + pass + 1) / steps);
+            if (done.changes() == 0) {
+                break;
+            }
+        }
+    }
+
+    [[nodiscard]] const improve::Part& part() const { return part_; }
+    [[nodiscard]] std::int64_t flips() const { return flips_; }
+    [[nodiscard]] std::int64_t collapses() const { return collapses_; }
+
+private:
+    void tell(const improve::SmoothResult& smoothed, double fraction) {
+        QualityCounts counts = untouched_;
+        const auto& mesh = part_.mesh;
+        for (std::size_t t = 0; t < mesh.slot_count(); ++t) {
+            if (mesh.is_alive(index(t))) {
+                const auto& tet = mesh.tet(index(t));
+                counts.add(mesh.point(tet[0]), mesh.point(tet[1]), mesh.point(tet[2]),
+                           mesh.point(tet[3]));
+            }
+        }
+        ConvergenceSample sample;
+        sample.max_displacement = smoothed.max_move;
+        sample.rms_displacement = std::sqrt(
+            smoothed.sum_squares / std::max<double>(1.0, static_cast<double>(mesh.vertex_count())));
+        sample.particles = static_cast<std::int64_t>(carved_.mesh.vertices.size());
+        sample.quality = counts.sample();
+        run_.sample(sample);
+        run_.report(fraction);
+    }
+
+    const CarveResult& carved_;
+    const improve::Shape& shape_;
+    const ImproveOptions& options_;
+    Plan plan_;
+    RunContext& run_;
+    improve::Part part_;
+    QualityCounts untouched_;
+    std::int64_t flips_ = 0;
+    std::int64_t collapses_ = 0;
+};
+
+// Freezes faulty vertices and `rings` rings of tets around them. Inserted vertices can't be frozen,
+// as the next round starts without them, but their neighbours can.
+void freeze(std::vector<std::uint8_t>& frozen, const Faults& faults, const TetMesh& broken,
+            const TetMesh& carved, int rings) {
+    std::vector<std::uint8_t> hit(broken.vertices.size(), 0);
+    std::copy(frozen.begin(), frozen.end(), hit.begin());
+    for (const Index v : faults.fault_vertices) {
+        hit[at(v)] = 1;
+    }
+    const auto grow = [&](const std::vector<Tet>& tets) {
+        auto grown = hit;
+        for (const auto& tet : tets) {
+            if (std::any_of(tet.begin(), tet.end(), [&](Index v) { return hit[at(v)] != 0; })) {
+                for (const Index v : tet) {
+                    grown[at(v)] = 1;
+                }
+            }
+        }
+        hit = std::move(grown);
+    };
+    for (int ring = 0; ring < rings; ++ring) {
+        grow(broken.tets);
+        grow(carved.tets);
+    }
+    std::copy_n(hit.begin(), frozen.size(), frozen.begin());
+}
+
+ImproveResult compacted(improve::Assembled all) {
+    ImproveResult result;
+    std::vector<Index> id(all.mesh.vertices.size(), kNone);
+    for (const auto& tet : all.mesh.tets) {
+        for (const Index v : tet) {
+            id[at(v)] = 0;
+        }
+    }
+    for (std::size_t v = 0; v < id.size(); ++v) {
+        if (id[v] != kNone) {
+            id[v] = index(result.kind.size());
+            result.mesh.vertices.push_back(all.mesh.vertices[v]);
+            result.kind.push_back(all.kind[v]);
+            result.curve.push_back(all.kind[v] == ParticleKind::Curve ? all.anchor[v] : kNone);
+        }
+    }
+    for (auto& tet : all.mesh.tets) {
+        for (Index& v : tet) {
+            v = id[at(v)];
+        }
+    }
+    result.mesh.tets = std::move(all.mesh.tets);
+    return result;
+}
+
+ImproveResult unimproved(const CarveResult& carved, const std::vector<Index>& anchor,
+                         const RunContext& run) {
+    const Faults faults = check_tets(carved.mesh, run);
+    if (faults.any()) {
+        throw Error(ErrorCode::Unmeshable,
+                    "no valid mesh was found: the carved mesh has " + faults.summary());
+    }
+    auto result = compacted({carved.mesh, carved.kind, anchor});
+    if (!carved.mesh.region.empty()) {
+        result.mesh.region = carved.mesh.region;
+    }
+    return result;
+}
+
+void require(bool condition, const char* field, const char* range, double value) {
+    if (!condition) {
+        std::ostringstream text;
+        text << "improve." << field << " must be " << range << ", got " << value;
+        throw Error(ErrorCode::InvalidInput, text.str());
+    }
+}
+
+}  // namespace
+
+void validate(const ImproveOptions& options) {
+    require(options.passes >= 0, "passes", "at least 0", options.passes);
+    require(options.power >= 1.0 && options.power <= 12.0, "power", "in [1, 12]", options.power);
+    require(options.surface_weight >= 0.0 && std::isfinite(options.surface_weight),
+            "surface_weight", "finite and at least 0", options.surface_weight);
+    require(options.flip_below >= 0.0 && options.flip_below <= 1.0, "flip_below", "in [0, 1]",
+            options.flip_below);
+}
+
+ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
+                           const Domain& domain, const FeatureSet& features,
+                           const SizingField& /*sizing*/, const ImproveOptions& options,
+                           RunContext& run) {
+    validate(options);
+    if (carved.kind.size() != carved.mesh.vertices.size() ||
+        anchor.size() < carved.mesh.vertices.size()) {
+        throw Error(ErrorCode::InvalidInput,
+                    "improve: kind and anchor must have one entry a vertex");
+    }
+    run.report(0.0);
+    if (options.mode == ImproveMode::StrictDelaunay || options.passes == 0) {
+        return unimproved(carved, anchor, run);
+    }
+
+    const improve::Shape shape{domain, features};
+    std::vector<std::uint8_t> frozen(carved.mesh.vertices.size(), 0);
+    for (int attempt = 1; attempt <= kMaxRounds; ++attempt) {
+        if (attempt == kMaxRounds) {
+            for (std::size_t v = 0; v < frozen.size(); ++v) {
+                frozen[v] = frozen[v] || carved.kind[v] != ParticleKind::Volume;
+            }
+        }
+        Round round(carved, anchor, frozen, shape, options, run);
+        round.run();
+        auto all = improve::put_back(carved, anchor, round.part());
+        const Faults faults = check_tets(all.mesh, run);
+        if (!faults.any()) {
+            auto result = compacted(std::move(all));
+            result.flips = round.flips();
+            result.collapses = round.collapses();
+            result.rounds = attempt;
+            result.frozen_vertices = std::count(frozen.begin(), frozen.end(), std::uint8_t{1});
+            return result;
+        }
+        freeze(frozen, faults, all.mesh, carved.mesh, attempt);
+    }
+    auto result = unimproved(carved, anchor, run);
+    result.rounds = kMaxRounds + 1;
+    result.frozen_vertices = static_cast<std::int64_t>(frozen.size());
+    return result;
+}
+
+}  // namespace remesh

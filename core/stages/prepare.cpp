@@ -1,1 +1,312 @@
 #include "core/stages/prepare.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/geometry/edge_table.h"
+#include "core/geometry/surface_domain.h"
+#include "core/geometry/winding_number.h"
+#include "core/parallel.h"
+#include "core/stages/clean.h"
+#include "core/stages/close_holes.h"
+#include "core/stages/orient.h"
+#include "core/stages/skin.h"
+#include "core/stages/smooth_skin.h"
+#include "core/stages/surface_math.h"
+
+namespace remesh {
+namespace {
+
+constexpr double kHoleCell = 0.6;       // Of h: cells of the grid that closes holes.
+constexpr double kHoleGap = 0.25;       // Of h: patches stop so near to the skin,
+constexpr double kRoughHoleGap = 0.5;   // and where the skin is rough.
+constexpr double kRoughDensity = 0.85;  // Density of sharp edges from which on to smooth
+constexpr double kFineEdge = 1.6;       // unless the mean edge is longer than this times h.
+constexpr double kLeastSkin = 0.02;     // Of all area.
+constexpr double kSoundShare = 0.5;     // Of all area: less, and there is no inside to speak of.
+constexpr double kLeastVolume = 0.2;    // Of h^3.
+
+/// Middles and starts of the edges that an odd number of triangles have, at most `most`.
+Points open_edge_points(const SurfaceMesh& surface,
+                        std::int32_t most = std::numeric_limits<std::int32_t>::max()) {
+    Points points;
+    const EdgeTable table(surface.triangles, surface.vertices.size());
+    for (const auto& edge : table.edges()) {
+        if (edge.count % 2 == 1 && edge.count <= most) {
+            const Vec3& a = surface.vertices[static_cast<std::size_t>(edge.low)];
+            const Vec3& b = surface.vertices[static_cast<std::size_t>(edge.high)];
+            points.push_back(0.5 * (a + b));
+            points.push_back(a);
+        }
+    }
+    return points;
+}
+
+void append(SurfaceMesh& to, const SurfaceMesh& patches) {
+    const auto shift = static_cast<Index>(to.vertices.size());
+    to.vertices.insert(to.vertices.end(), patches.vertices.begin(), patches.vertices.end());
+    for (const Triangle& t : patches.triangles) {
+        to.triangles.push_back({t[0] + shift, t[1] + shift, t[2] + shift});
+    }
+    if (!to.patch.empty() && !patches.triangles.empty()) {
+        const auto id = *std::max_element(to.patch.begin(), to.patch.end()) + 1;
+        to.patch.resize(to.triangles.size(), id);
+        if (!to.patch_names.empty()) {
+            to.patch_names.resize(static_cast<std::size_t>(id));
+            to.patch_names.emplace_back("closed holes");
+        }
+    }
+}
+
+void drop_unused_vertices(SurfaceMesh& surface) {
+    std::vector<Index> renamed(surface.vertices.size(), kNone);
+    Points used;
+    used.reserve(surface.vertices.size());
+    for (auto& t : surface.triangles) {
+        for (auto& v : t) {
+            auto& name = renamed[static_cast<std::size_t>(v)];
+            if (name == kNone) {
+                name = static_cast<Index>(used.size());
+                used.push_back(surface.vertices[static_cast<std::size_t>(v)]);
+            }
+            v = name;
+        }
+    }
+    surface.vertices = std::move(used);
+}
+
+double volume_of(const SurfaceMesh& surface) {
+    // An apex amid the area, so that gaps count for little.
+    Vec3 moment = Vec3::Zero();
+    double area = 0.0;
+    for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+        const double a = area_vector(surface, i).norm();
+        moment += a * centroid(surface, i);
+        area += a;
+    }
+    const Vec3 apex = moment / area;
+    return sum_over(surface.triangles.size(),
+                    [&](std::size_t i) { return cone_volume(surface, i, apex); });
+}
+
+std::string number(double x) {
+    std::array<char, 32> text;
+    std::snprintf(text.data(), text.size(), "%.4g", x);
+    return text.data();
+}
+
+std::string percent(double share) {
+    return std::to_string(std::lround(100.0 * share)) + " %";
+}
+
+/// The steps of one call.
+class Preparation {
+public:
+    Preparation(double h, const PrepareOptions& options, RunContext& run)
+        : h_(h), options_(options), run_(run) {}
+
+    PrepareResult prepare(const SurfaceMesh& input) {
+        clean(input);
+        run_.report(0.1);
+        orient();
+        run_.report(0.25);
+        const WindingNumber winding(result_.cleaned.vertices, result_.cleaned.triangles);
+        take_skin(winding);
+        run_.report(0.45);
+        if (options_.close_holes) {
+            close(winding);
+        }
+        drop_unused_vertices(skin_);
+        run_.report(0.6);
+        require_body();
+        Points normals;
+        if (wants_smoothing()) {
+            normals = smooth(winding);
+        }
+        run_.report(0.95);
+        result_.domain = std::make_shared<SurfaceDomain>(std::move(skin_), std::move(normals));
+        for (const Defect& defect : result_.defects) {
+            run_.warn({.code = defect.code, .message = defect.description, .at = defect.at});
+        }
+        run_.report(1.0);
+        return std::move(result_);
+    }
+
+private:
+    void note(std::string code, std::string text, std::int64_t count,
+              std::optional<Vec3> at = std::nullopt) {
+        result_.defects.push_back(
+            {.code = std::move(code), .description = std::move(text), .count = count, .at = at});
+    }
+
+    void add_defects(std::vector<Defect> defects) {
+        std::move(defects.begin(), defects.end(), std::back_inserter(result_.defects));
+    }
+
+    void clean(const SurfaceMesh& input) {
+        auto cleaned = clean_surface(input, h_, run_);
+        result_.facts = cleaned.facts;
+        add_defects(std::move(cleaned.defects));
+        result_.cleaned = std::move(cleaned.surface);
+        const auto& facts = result_.facts;
+        if (facts.non_manifold_edges > 0) {
+            note("NON_MANIFOLD_EDGES",
+                 count_of(facts.non_manifold_edges, "edge") + " with more than two triangles",
+                 facts.non_manifold_edges);
+        }
+    }
+
+    void orient() {
+        auto oriented = orient_surface(result_.cleaned, h_, options_, run_);
+        result_.cleaned = std::move(oriented.surface);
+        add_defects(std::move(oriented.defects));
+    }
+
+    void take_skin(const WindingNumber& winding) {
+        auto skin = find_skin(result_.cleaned, winding, h_, run_);
+        const double whole = skin.area + skin.dropped_area;
+        if (skin.surface.triangles.empty() || skin.sound_area < kSoundShare * skin.area ||
+            skin.area < kLeastSkin * whole) {
+            throw Error(ErrorCode::Unmeshable,
+                        "the triangles enclose no body: only " + percent(skin.sound_area / whole) +
+                            " of their area has an inside on one side and an outside on the other");
+        }
+        if (skin.dropped > 0) {
+            note("INNER_SHEETS",
+                 count_of(skin.dropped, "triangle") + " (" + percent(skin.dropped_area / whole) +
+                     " of the area) that don't separate inside from outside left out",
+                 skin.dropped);
+        }
+        skin_ = std::move(skin.surface);
+    }
+
+    void close(const WindingNumber& winding) {
+        // What the skin test left of a rough surface is open all over: only the input's own rims
+        // count there.
+        const bool is_rough = wants_smoothing();
+        const Points seeds =
+            is_rough ? open_edge_points(result_.cleaned, 1) : open_edge_points(skin_);
+        const auto holes = close_holes(
+            winding, skin_, seeds,
+            {.cell = kHoleCell * h_, .gap = (is_rough ? kRoughHoleGap : kHoleGap) * h_}, run_);
+        const auto& facts = result_.facts;
+        if (facts.boundary_edges > 0) {
+            note("OPEN_BOUNDARY",
+                 count_of(facts.boundary_loops, "open rim") + " with " +
+                     count_of(facts.boundary_edges, "edge") + " closed by " +
+                     count_of(static_cast<std::int64_t>(holes.patches.triangles.size()),
+                              "triangle") +
+                     " (" + percent(holes.area / (holes.area + facts.area)) + " of the area)",
+                 facts.boundary_loops, holes.largest);
+        }
+        append(skin_, holes.patches);
+    }
+
+    void require_body() {
+        result_.facts.volume = volume_of(skin_);
+        if (!(result_.facts.volume > kLeastVolume * h_ * h_ * h_)) {
+            throw Error(ErrorCode::Unmeshable, "the triangles enclose no body that edge_length " +
+                                                   number(h_) + " can resolve: their volume is " +
+                                                   number(result_.facts.volume));
+        }
+    }
+
+    [[nodiscard]] bool wants_smoothing() const {
+        const auto& facts = result_.facts;
+        return options_.smoothing == Smoothing::On ||
+               (options_.smoothing == Smoothing::Automatic &&
+                facts.sharp_edge_density > kRoughDensity && facts.mean_edge < kFineEdge * h_);
+    }
+
+    Points smooth(const WindingNumber& winding) {
+        const double mean_edge = result_.facts.mean_edge;
+        auto smoothed = smooth_skin(std::move(skin_), winding,
+                                    {.h = h_,
+                                     .mean_edge = mean_edge,
+                                     .reach = options_.max_displacement * std::min(mean_edge, h_)},
+                                    run_);
+        skin_ = std::move(smoothed.surface);
+        result_.smoothed = true;
+        result_.noisy = smoothed.noisy;
+        result_.max_displacement = smoothed.max_displacement;
+        note(smoothed.noisy ? "NOISY" : "STAIRCASE_SMOOTHED",
+             "surface smoothed, vertices moved by " + number(smoothed.mean_displacement) +
+                 " on average and " + number(smoothed.max_displacement) + " at most",
+             static_cast<std::int64_t>(skin_.vertices.size()) - smoothed.unmoved);
+        if (smoothed.parts_kept_raw > 0) {
+            note("NOT_SMOOTHED",
+                 count_of(smoothed.parts_kept_raw, "part") +
+                     " left as they were, since smoothing would change the volume by over 2 %",
+                 smoothed.parts_kept_raw);
+        }
+        return std::move(smoothed.normals);
+    }
+
+    double h_;
+    const PrepareOptions& options_;
+    RunContext& run_;
+    SurfaceMesh skin_;
+    PrepareResult result_;
+};
+
+void require(bool ok, const std::string& field, const std::string& range, double value) {
+    if (!ok) {
+        throw Error(ErrorCode::InvalidInput,
+                    "prepare." + field + " must be in " + range + ", got " + std::to_string(value));
+    }
+}
+
+}  // namespace
+
+void validate(const PrepareOptions& options) {
+    require(options.max_displacement > 0.0 && options.max_displacement <= 2.0, "max_displacement",
+            "(0, 2]", options.max_displacement);
+    require(options.speck_volume >= 0.0 && options.speck_volume < 1.0, "speck_volume", "[0, 1)",
+            options.speck_volume);
+}
+
+PrepareResult prepare_surface(const SurfaceMesh& input, double h, const PrepareOptions& options,
+                              RunContext& run) {
+    validate(options);
+    if (!(h > 0.0) || !std::isfinite(h)) {
+        throw Error(ErrorCode::InvalidInput,
+                    "edge_length must be greater than 0, got " + std::to_string(h));
+    }
+    return Preparation(h, options, run).prepare(input);
+}
+
+double suggest_edge_length(const SurfaceMesh& input) {
+    RunContext quiet;
+    const auto cleaned = clean_surface(input, 1.0, quiet);
+    const auto oriented = orient_surface(cleaned.surface, cleaned.facts.mean_edge, {}, quiet);
+    const SurfaceMesh& surface = oriented.surface;
+    double weighted = 0.0;
+    for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+        double mean = 0.0;
+        for (std::size_t k = 0; k < 3; ++k) {
+            mean += (corner(surface, i, k) - corner(surface, i, (k + 1) % 3)).norm() / 3.0;
+        }
+        weighted += mean * area_vector(surface, i).norm();
+    }
+    const double area = cleaned.facts.area;
+    const double volume = std::abs(volume_of(surface));
+    double h = weighted / area;
+    const double thickness = 3.0 * volume / area;
+    if (thickness > 1e-3 * std::sqrt(area)) {
+        h = std::clamp(h, thickness / 60.0, thickness / 2.0);
+        // A regular mesh has about 6 sqrt(2) tets per h^3.
+        constexpr double kTetsPerCube = 8.485;
+        constexpr double kMaxTets = 2e6;
+        h = std::max(h, std::cbrt(kTetsPerCube * volume / kMaxTets));
+    }
+    return h;
+}
+
+}  // namespace remesh

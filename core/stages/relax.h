@@ -10,26 +10,27 @@ namespace remesh {
 
 /// The paper's two families of forces between particles.
 enum class ForceLaw {
-    Springs,           ///< Preloaded Hookean springs that push only: f = rc - s, s = r / h.
+    Springs,           ///< Preloaded springs that push only, s = r / h: Hookean in the volume,
+                       ///< f = 1 - s / rc; progressive on the surface, f = (1 - s / rc)^2.
     ChargedParticles,  ///< Magnetic power law, shifted to vanish at rc: f = s^-p - rc^-p.
 };
 
 enum class Integrator {
     DampedDynamics,   ///< M r'' + D r' = F, the paper's.
-    GradientDescent,  ///< Overdamped: r' = F / K.
+    GradientDescent,  ///< Overdamped: r' = F / (2 K), K the particle's own stiffness.
     Fire,             ///< Fast inertial relaxation engine (Bitzek et al. 2006).
 };
 
 struct RelaxOptions {
     ForceLaw force = ForceLaw::Springs;
     Integrator integrator = Integrator::DampedDynamics;
-    double mass = 1.0;     ///< M of the paper, in units of stiffness times time step squared, > 0.
-    double damping = 0.5;  ///< D of the paper, as a fraction of critical damping, in (0, 2].
+    double mass = 0.6;      ///< M of the paper, in units of stiffness times time step squared, > 0.
+    double damping = 0.12;  ///< D of the paper, as a fraction of critical damping, in (0, 2].
     double charge_exponent = 2.0;      ///< p of the power law, in [1, 6].
     int max_surface_iterations = 120;  ///< >= 0.
-    int max_volume_iterations = 40;    ///< >= 0.
+    int max_volume_iterations = 25;    ///< >= 0.
     double tolerance =
-        3e-3;  ///< Converged once the rms step to equilibrium is below tolerance * h, > 0.
+        1e-3;  ///< Converged once the rms step to equilibrium is below tolerance * h, > 0.
     double active_depth =
         1.5;  ///< Only volume particles within this many h of the boundary move, > 0.
 };
@@ -43,10 +44,11 @@ struct RelaxResult {
 };
 
 /// Relaxes what lies on the boundary: curve particles along their curves first, then surface
-/// particles, which move tangentially and are snapped back after every step (the paper's magnetic
-/// snapping). Gathers forces (Jacobi), so the result doesn't depend on the number of threads.
-/// Source: Szczerba, McGregor, Szekely, ICCS 2007, steps 3 to 7.
-/// \throws Error{InvalidInput}; Error{Cancelled}
+/// particles, which move tangentially and are snapped back once they have slid 0.05 h, and at the
+/// end (the paper's magnetic snapping). Pairs that end closer than 0.4 h on one sheet lose the
+/// later of the two. Gathers forces (Jacobi), so the result doesn't depend on the number of
+/// threads. Source: Szczerba, McGregor, Szekely, ICCS 2007, steps 3 to 7. \throws
+/// Error{InvalidInput}; Error{Cancelled}
 RelaxResult relax_surface(const Particles& particles, const Domain& domain,
                           const FeatureSet& features, const SizingField& sizing,
                           const RelaxOptions& options, RunContext& run);

@@ -47,7 +47,7 @@ struct TetQuality {
     std::int64_t tets = 0;
     double volume = 0.0;        ///< Model units cubed.
     Summary radius_ratio{};     ///< q, 20 bins of [0, 1].
-    Summary dihedral{};         ///< All dihedral angles, degrees, 36 bins of [0, 180].
+    Summary dihedral{};         ///< Smallest and largest of each tet, degrees, 36 bins of [0, 180].
     double min_dihedral = 0.0;  ///< Degrees.
 };
 

@@ -1,1 +1,271 @@
 #include "core/stages/seed.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/geometry/curve_track.h"
+#include "core/geometry/dart_grid.h"
+#include "core/parallel.h"
+
+namespace remesh {
+namespace {
+
+constexpr double kOffBoundary = 0.05;    // Features farther off than this times h are left out.
+constexpr double kCornerSpacing = 0.35;  // Least distance of two corners over h.
+constexpr double kCurveSpacing = 0.55;   // Least distance of a curve particle to others over h.
+constexpr double kFeatureRadius = 0.85;  // Darts come this much closer to curves and corners.
+constexpr double kOpposed = -0.2;        // Cosine of normals on two sides of a thin sheet.
+constexpr double kTrianglesPerArea = 1.0 / 0.8660254037844386;  // Particles per h^2 of area.
+
+// Every round throws one dart per particle wanted. Darts of a round are spread evenly, so that
+// this few rounds fill the surface to one particle per 0.866 h^2 at the default radius.
+constexpr int kRounds = 20;
+
+std::size_t at(Index i) {
+    return static_cast<std::size_t>(i);
+}
+
+void check_count(double count, const SeedOptions& options) {
+    if (!(count <= static_cast<double>(options.max_particles))) {
+        throw Error(ErrorCode::TooLarge, "the edge length asks for about " + std::to_string(count) +
+                                             " particles, more than seed.max_particles = " +
+                                             std::to_string(options.max_particles) +
+                                             "; use a larger edge length");
+    }
+}
+
+void seed_corners(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
+                  Particles& particles, DartGrid& grid) {
+    for (const Vec3& corner : features.corners) {
+        const double h = sizing.h(corner);
+        const auto too_close = [&](Index, double squared, double mean_h) {
+            return squared < std::pow(kCornerSpacing * mean_h, 2);
+        };
+        if (domain.closest_within(corner, kOffBoundary * h) &&
+            !grid.has_conflict(corner, h, too_close)) {
+            particles.add(corner, ParticleKind::Corner, kNone, h, Vec3::Zero());
+            grid.add(corner, h);
+        }
+    }
+}
+
+// Arc lengths that cut a curve into pieces of equal integral of 1/h, the ends included.
+std::vector<double> even_arcs(const CurveTrack& track, const SizingField& sizing) {
+    const double step = sizing.is_uniform() ? track.length() : 0.1 * sizing.h_min();
+    const auto steps = static_cast<std::size_t>(std::ceil(track.length() / step));
+    std::vector<double> sum(steps + 1, 0.0);
+    for (std::size_t k = 0; k < steps; ++k) {
+        const double middle =
+            track.length() * (static_cast<double>(k) + 0.5) / static_cast<double>(steps);
+        sum[k + 1] =
+            sum[k] + track.length() / static_cast<double>(steps) / sizing.h(track.at(middle).point);
+    }
+    const auto pieces = std::max<std::size_t>(static_cast<std::size_t>(std::lround(sum.back())),
+                                              track.is_closed() ? 3 : 1);
+    std::vector<double> arcs;
+    for (std::size_t i = 0, k = 0; i <= pieces; ++i) {
+        const double wanted = sum.back() * static_cast<double>(i) / static_cast<double>(pieces);
+        while (k + 1 < steps && sum[k + 1] < wanted) {
+            ++k;
+        }
+        const double share = (wanted - sum[k]) / (sum[k + 1] - sum[k]);
+        arcs.push_back(track.length() * (static_cast<double>(k) + share) /
+                       static_cast<double>(steps));
+    }
+    if (track.is_closed()) {
+        arcs.pop_back();
+    }
+    return arcs;
+}
+
+void seed_curves(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
+                 Particles& particles, DartGrid& grid) {
+    for (std::size_t c = 0; c < features.curves.size(); ++c) {
+        const CurveTrack track(features.curves[c].points, features.curves[c].is_closed);
+        if (!(track.length() > 0.0)) {
+            continue;
+        }
+        for (const double arc : even_arcs(track, sizing)) {
+            const CurveTrack::Place place = track.at(arc);
+            const double h = sizing.h(place.point);
+            const auto too_close = [&](Index, double squared, double) {
+                return squared < std::pow(kCurveSpacing * h, 2);
+            };
+            if (domain.closest_within(place.point, kOffBoundary * h) &&
+                !grid.has_conflict(place.point, h, too_close)) {
+                particles.add(place.point, ParticleKind::Curve, static_cast<Index>(c), h,
+                              place.tangent);
+                grid.add(place.point, h);
+            }
+        }
+    }
+}
+
+// Triangles as a dart thrower sees them: the share of the darts that each one gets.
+struct DartBoard {
+    std::vector<double> until;  // Running sum of the particles wanted, over the triangles.
+    std::vector<double> h;      // Lower bound of h on each; empty if h is the same everywhere.
+};
+
+DartBoard make_board(const SurfaceMesh& surface, const SizingField& sizing, const RunContext& run) {
+    const std::size_t n = surface.triangles.size();
+    DartBoard board;
+    board.until.resize(n);
+    if (!sizing.is_uniform()) {
+        board.h.resize(n);
+    }
+    for_each_index(n, run, [&](std::size_t t) {
+        const Vec3& a = surface.vertices[at(surface.triangles[t][0])];
+        const Vec3& b = surface.vertices[at(surface.triangles[t][1])];
+        const Vec3& c = surface.vertices[at(surface.triangles[t][2])];
+        double h = sizing.h_max();
+        if (!sizing.is_uniform()) {
+            const Vec3 middle = (a + b + c) / 3.0;
+            const double radius =
+                std::sqrt(std::max({(a - middle).squaredNorm(), (b - middle).squaredNorm(),
+                                    (c - middle).squaredNorm()}));
+            h = std::max(sizing.h_min(), sizing.h(middle) - sizing.gradation() * radius);
+            board.h[t] = h;
+        }
+        board.until[t] = 0.5 * (b - a).cross(c - a).norm() * kTrianglesPerArea / (h * h);
+    });
+    std::partial_sum(board.until.begin(), board.until.end(), board.until.begin());
+    return board;
+}
+
+class DartThrower {
+public:
+    DartThrower(const Domain& domain, const SizingField& sizing, const SeedOptions& options,
+                Particles& particles, DartGrid& grid)
+        : surface_(domain.boundary()),
+          sizing_(sizing),
+          options_(options),
+          particles_(particles),
+          grid_(grid),
+          first_(particles.size()) {}
+
+    // One dart for every particle wanted, each somewhere in its own equal share of the area.
+    void throw_round(const DartBoard& board, int round) {
+        const double wanted = board.until.empty() ? 0.0 : board.until.back();
+        const auto darts = static_cast<std::uint64_t>(std::ceil(wanted));
+        const std::uint64_t seed =
+            hash_bits(options_.seed * 64 + static_cast<std::uint64_t>(round));
+        std::size_t t = 0;
+        for (std::uint64_t dart = 0; dart < darts; ++dart) {
+            const double at_sum = (static_cast<double>(dart) + hash_random(seed, dart, 0)) *
+                                  wanted / static_cast<double>(darts);
+            while (t + 1 < board.until.size() && board.until[t] < at_sum) {
+                ++t;
+            }
+            throw_dart(board, t, seed, dart);
+        }
+    }
+
+private:
+    void throw_dart(const DartBoard& board, std::size_t t, std::uint64_t seed, std::uint64_t dart) {
+        const double root = std::sqrt(hash_random(seed, dart, 1));
+        const double share = hash_random(seed, dart, 2);
+        const Vec3& a = surface_.vertices[at(surface_.triangles[t][0])];
+        const Vec3& b = surface_.vertices[at(surface_.triangles[t][1])];
+        const Vec3& c = surface_.vertices[at(surface_.triangles[t][2])];
+        const Vec3 x = (1.0 - root) * a + root * (1.0 - share) * b + root * share * c;
+        double h = sizing_.h_max();
+        if (!board.h.empty()) {
+            h = sizing_.h(x);
+            // The board counts with the least h of the triangle: thin out where h is larger.
+            if (hash_random(seed, dart, 3) * h * h > board.h[t] * board.h[t]) {
+                return;
+            }
+        }
+        const Vec3 normal = (b - a).cross(c - a).normalized();
+        if (!is_taken(x, h, normal)) {
+            particles_.add(x, ParticleKind::Surface, static_cast<Index>(t), h, normal);
+            grid_.add(x, h);
+        }
+    }
+
+    [[nodiscard]] bool is_taken(const Vec3& x, double h, const Vec3& normal) const {
+        return grid_.has_conflict(x, h, [&](Index j, double squared, double mean_h) {
+            if (at(j) >= first_) {
+                return squared < std::pow(options_.dart_radius * mean_h, 2) &&
+                       particles_.normal[at(j)].dot(normal) > kOpposed;
+            }
+            return squared < std::pow(kFeatureRadius * options_.dart_radius * mean_h, 2);
+        });
+    }
+
+    const SurfaceMesh& surface_;
+    const SizingField& sizing_;
+    const SeedOptions& options_;
+    Particles& particles_;
+    DartGrid& grid_;
+    std::size_t first_;  // Of the surface particles.
+};
+
+// Neighbours in space become neighbours in memory; kinds keep their order.
+Particles in_spatial_order(const Particles& particles, std::size_t first, const Box& box) {
+    const std::size_t n = particles.size();
+    std::vector<std::pair<std::uint64_t, std::size_t>> order(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        order[i] = {i < first ? 0 : morton_code(particles.position[i], box), i};
+    }
+    std::sort(order.begin() + static_cast<std::ptrdiff_t>(first), order.end());
+    Particles sorted;
+    for (const auto& [code, i] : order) {
+        sorted.add(particles.position[i], particles.kind[i], particles.anchor[i], particles.h[i],
+                   particles.normal[i]);
+    }
+    return sorted;
+}
+
+}  // namespace
+
+void validate(const SeedOptions& options) {
+    const auto check = [](const char* field, double value, double low, double high) {
+        if (!(value >= low && value <= high)) {
+            throw Error(ErrorCode::InvalidInput,
+                        std::string("seed.") + field + " must be in [" + std::to_string(low) +
+                            ", " + std::to_string(high) + "], got " + std::to_string(value));
+        }
+    };
+    check("dart_radius", options.dart_radius, 0.5, 1.0);
+    check("preload", options.preload, 0.7, 1.2);
+    check("wall_distance", options.wall_distance, 0.2, 1.0);
+    if (options.max_particles < 1) {
+        throw Error(ErrorCode::InvalidInput, "seed.max_particles must be at least 1, got " +
+                                                 std::to_string(options.max_particles));
+    }
+}
+
+Particles seed_surface(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
+                       const SeedOptions& options, RunContext& run) {
+    validate(options);
+    const DartBoard board = make_board(domain.boundary(), sizing, run);
+    check_count(board.until.empty() ? 0.0 : board.until.back(), options);
+
+    Particles particles;
+    DartGrid grid(domain.bounds().low, sizing.h_min(), sizing.h_max(), options.dart_radius);
+    seed_corners(domain, features, sizing, particles, grid);
+    seed_curves(domain, features, sizing, particles, grid);
+    const std::size_t first = particles.size();
+
+    DartThrower thrower(domain, sizing, options, particles, grid);
+    for (int round = 0; round < kRounds; ++round) {
+        thrower.throw_round(board, round);
+        run.report(0.3 * (round + 1) / kRounds);
+    }
+    for_each_index(particles.size() - first, run, [&](std::size_t k) {
+        const std::size_t i = first + k;
+        const BoundaryPoint on = domain.closest(particles.position[i], particles.anchor[i]);
+        particles.position[i] = on.point;
+        particles.normal[i] = on.normal;
+        particles.anchor[i] = on.facet;
+    });
+    return in_spatial_order(particles, first, domain.bounds());
+}
+
+}  // namespace remesh

@@ -1,1 +1,241 @@
-namespace remesh {}
+#include "core/stages/smooth_skin.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/geometry/edge_table.h"
+#include "core/geometry/mollified_winding.h"
+#include "core/parallel.h"
+#include "core/stages/surface_math.h"
+
+namespace remesh {
+namespace {
+
+constexpr double kNoisyShare = 0.45;    // Of the area: more that is rough is noise.
+constexpr double kRoughCosine = 0.927;  // 22 degrees between triangle and smoothed surface.
+constexpr double kMaxVolumeChange = 0.02;
+
+class Smoother {
+public:
+    Smoother(SurfaceMesh skin, const WindingNumber& winding, const SmoothOptions& options,
+             RunContext& run)
+        : raw_(std::move(skin)), field_(winding), options_(options), run_(run) {}
+
+    SmoothResult smooth() {
+        result_.surface = raw_;
+        result_.noisy = is_noisy();
+        raw_normals_ = vertex_normals(raw_);
+        result_.normals = raw_normals_;
+        run_.checkpoint();
+        project();
+        run_.checkpoint();
+        find_closed_parts();
+        if (!result_.noisy) {
+            restore_volumes();
+        }
+        measure();
+        if (result_.noisy) {
+            drop_unmoved();
+        }
+        return std::move(result_);
+    }
+
+private:
+    static Points vertex_normals(const SurfaceMesh& surface) {
+        Points normals(surface.vertices.size(), Vec3::Zero());
+        for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+            const Vec3 area = area_vector(surface, i);
+            for (const Index v : surface.triangles[i]) {
+                normals[static_cast<std::size_t>(v)] += area;
+            }
+        }
+        for (auto& n : normals) {
+            n.normalize();
+        }
+        return normals;
+    }
+
+    /// Compares triangles, spread evenly over the area, with the smoothed field's direction.
+    [[nodiscard]] bool is_noisy() const {
+        constexpr std::size_t kSamples = 3000;
+        const std::size_t n = raw_.triangles.size();
+        std::vector<double> total(n);
+        double sum = 0.0;
+        for (std::size_t i = 0; i < n; ++i) {
+            sum += area_vector(raw_, i).norm();
+            total[i] = sum;
+        }
+        const double rough = sum_over(kSamples, [&](std::size_t k) {
+            const double at = sum * (static_cast<double>(k) + 0.5) / kSamples;
+            const auto found = std::lower_bound(total.begin(), total.end(), at);
+            const auto i = std::min(static_cast<std::size_t>(found - total.begin()), n - 1);
+            const Vec3 gradient = field_.at(centroid(raw_, i), 1.2 * options_.h).gradient;
+            const Vec3 normal = area_vector(raw_, i).normalized();
+            return -normal.dot(gradient) < kRoughCosine * gradient.norm() ? 1.0 : 0.0;
+        });
+        return rough > kNoisyShare * kSamples;
+    }
+
+    void project() {
+        const double radius =
+            std::clamp(1.7 * options_.mean_edge, 0.6 * options_.h, 1.5 * options_.h);
+        is_moved_.assign(raw_.vertices.size(), 0);
+        for_each_index(raw_.vertices.size(), run_, [&](std::size_t i) {
+            const Vec3& x = raw_.vertices[i];
+            const double fitting = result_.noisy ? radius : radius_that_fits(x, radius);
+            for (const double factor : {1.0, 0.6, 0.35}) {
+                const auto moved = field_.project(x, factor * fitting, options_.reach);
+                if (moved) {
+                    result_.surface.vertices[i] = moved->point;
+                    result_.normals[i] = moved->normal;
+                    is_moved_[i] = 1;
+                    return;
+                }
+            }
+        });
+    }
+
+    /// Shrinks the radius until the field reaches inside and outside within about half of it.
+    [[nodiscard]] double radius_that_fits(const Vec3& x, double radius) const {
+        for (int k = 0; k < 4; ++k) {
+            const Vec3 gradient = field_.at(x, radius).gradient;
+            const double slope = gradient.norm();
+            if (slope > 0.0) {
+                const Vec3 depth = gradient * (0.45 * radius / slope);
+                if (field_.at(x + depth, radius).value > 0.8 &&
+                    field_.at(x - depth, radius).value < 0.2) {
+                    break;
+                }
+            }
+            radius *= 0.7;
+        }
+        return radius;
+    }
+
+    void find_closed_parts() {
+        const EdgeTable table(raw_.triangles, raw_.vertices.size());
+        DisjointSets sets(raw_.vertices.size());
+        for (const Triangle& t : raw_.triangles) {
+            sets.merge(t[0], t[1]);
+            sets.merge(t[1], t[2]);
+        }
+        std::vector<char> is_open(raw_.vertices.size(), 0);
+        for (const auto& edge : table.edges()) {
+            if (edge.count != 2) {
+                is_open[static_cast<std::size_t>(sets.find(edge.low))] = 1;
+            }
+        }
+        part_.resize(raw_.vertices.size());
+        std::vector<Index> number(raw_.vertices.size(), kNone);
+        for (std::size_t i = 0; i < part_.size(); ++i) {
+            const auto root = static_cast<std::size_t>(sets.find(static_cast<Index>(i)));
+            if (!is_open[root] && number[root] == kNone) {
+                number[root] = part_count_++;
+                apex_.push_back(raw_.vertices[i]);
+            }
+            part_[i] = number[root];
+        }
+    }
+
+    [[nodiscard]] std::vector<double> volumes(const SurfaceMesh& surface) const {
+        std::vector<double> volume(static_cast<std::size_t>(part_count_), 0.0);
+        for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+            const Index part = part_[static_cast<std::size_t>(surface.triangles[i][0])];
+            if (part != kNone) {
+                const auto p = static_cast<std::size_t>(part);
+                volume[p] += cone_volume(surface, i, apex_[p]);
+            }
+        }
+        return volume;
+    }
+
+    [[nodiscard]] std::vector<double> areas(const SurfaceMesh& surface) const {
+        std::vector<double> area(static_cast<std::size_t>(part_count_), 0.0);
+        for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+            const Index part = part_[static_cast<std::size_t>(surface.triangles[i][0])];
+            if (part != kNone) {
+                area[static_cast<std::size_t>(part)] += area_vector(surface, i).norm();
+            }
+        }
+        return area;
+    }
+
+    void restore_volumes() {
+        const auto wanted = volumes(raw_);
+        auto& surface = result_.surface;
+        for (int pass = 0; pass < 3; ++pass) {
+            const auto volume = volumes(surface);
+            const auto area = areas(surface);
+            for (std::size_t i = 0; i < part_.size(); ++i) {
+                if (part_[i] != kNone) {
+                    const auto p = static_cast<std::size_t>(part_[i]);
+                    const double offset = (wanted[p] - volume[p]) / area[p];
+                    const double bound = 0.1 * options_.h;
+                    surface.vertices[i] += std::clamp(offset, -bound, bound) * result_.normals[i];
+                }
+            }
+        }
+        const auto volume = volumes(surface);
+        std::vector<char> is_raw(volume.size(), 0);
+        for (std::size_t p = 0; p < volume.size(); ++p) {
+            is_raw[p] = std::abs(volume[p] - wanted[p]) > kMaxVolumeChange * std::abs(wanted[p]);
+            result_.parts_kept_raw += is_raw[p];
+        }
+        for (std::size_t i = 0; i < part_.size(); ++i) {
+            if (part_[i] != kNone && is_raw[static_cast<std::size_t>(part_[i])]) {
+                surface.vertices[i] = raw_.vertices[i];
+                result_.normals[i] = raw_normals_[i];
+            }
+        }
+    }
+
+    void measure() {
+        double sum = 0.0;
+        for (std::size_t i = 0; i < raw_.vertices.size(); ++i) {
+            const double moved = (result_.surface.vertices[i] - raw_.vertices[i]).norm();
+            result_.max_displacement = std::max(result_.max_displacement, moved);
+            sum += moved;
+            result_.unmoved += !is_moved_[i];
+        }
+        result_.mean_displacement = sum / static_cast<double>(raw_.vertices.size());
+    }
+
+    /// In noise, what found no smooth place is a spike; the gap it leaves is smaller than h.
+    void drop_unmoved() {
+        auto& surface = result_.surface;
+        std::size_t kept = 0;
+        for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+            const Triangle& t = surface.triangles[i];
+            if (std::all_of(t.begin(), t.end(),
+                            [&](Index v) { return is_moved_[static_cast<std::size_t>(v)] != 0; })) {
+                if (!surface.patch.empty()) {
+                    surface.patch[kept] = surface.patch[i];
+                }
+                surface.triangles[kept++] = t;
+            }
+        }
+        surface.triangles.resize(kept);
+        surface.patch.resize(surface.patch.empty() ? 0 : kept);
+    }
+
+    SurfaceMesh raw_;
+    MollifiedWinding field_;
+    const SmoothOptions& options_;
+    RunContext& run_;
+    Points raw_normals_;
+    std::vector<char> is_moved_;
+    std::vector<Index> part_;  // Closed part of each vertex, or kNone.
+    Index part_count_ = 0;
+    Points apex_;  // A vertex of each closed part.
+    SmoothResult result_;
+};
+
+}  // namespace
+
+SmoothResult smooth_skin(SurfaceMesh skin, const WindingNumber& winding,
+                         const SmoothOptions& options, RunContext& run) {
+    return Smoother(std::move(skin), winding, options, run).smooth();
+}
+
+}  // namespace remesh

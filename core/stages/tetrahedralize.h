@@ -1,18 +1,18 @@
 #pragma once
 
-#include <vector>
-
+#include "core/exact/delaunay.h"
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
 
 namespace remesh {
 
-/// Delaunay tetrahedra of the convex hull of points, positively oriented, in a canonical order
-/// (each tet starts with its smallest vertex; tets sorted), so the same for any number of threads.
+/// Delaunay tetrahedra of the convex hull of points, in a canonical order: each tet starts with its
+/// smallest vertex and goes on with the next smallest that keeps it positively oriented as a
+/// rotation of the other three; tets are sorted. So the same for any number of threads.
 ///
 /// A stop takes effect only after CGAL has finished (about a second per million tets).
 /// \param points  #P positions; coincident ones are left out of all tets but the first's
-/// \throws Error{Unmeshable} if the points span no volume; Error{Cancelled}
-std::vector<Tet> tetrahedralize(const Points& points, RunContext& run);
+/// \throws Error{Unmeshable} if the points span no volume or one isn't finite; Error{Cancelled}
+TetComplex tetrahedralize(const Points& points, RunContext& run);
 
 }  // namespace remesh

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,10 +15,12 @@ struct Faults {
     std::int64_t open_edges = 0;             ///< Boundary edges with one triangle.
     std::int64_t non_manifold_edges = 0;     ///< With more than two.
     std::int64_t non_manifold_vertices = 0;  ///< Whose triangles are not one fan.
-    std::int64_t inconsistent_edges = 0;     ///< Run through twice in the same direction.
-    std::int64_t inverted_tets = 0;          ///< Not positively oriented (exact predicate).
-    std::int64_t degenerate_triangles = 0;   ///< Height below 1e-9 of the longest edge.
-    std::int64_t overlapping_tets = 0;       ///< Faces with three tets or more, or two on one side.
+    std::int64_t inconsistent_edges = 0;     ///< Of two triangles that run through them alike.
+    std::int64_t inverted_tets = 0;  ///< Not positively oriented (exact predicate), or flat: 6 V at
+                                     ///< most 1e-12 of the longest edge cubed.
+    std::int64_t degenerate_triangles =
+        0;  ///< A vertex twice, or height at most 1e-9 of the longest edge.
+    std::int64_t overlapping_tets = 0;  ///< Faces with three tets or more, or two on one side.
     std::vector<std::pair<Index, Index>>
         intersections{};  ///< Pairs of triangles that meet outside a common vertex or edge; exact.
     std::vector<Index> fault_vertices{};  ///< Vertices of all of the above, sorted, no duplicates.
@@ -29,9 +30,16 @@ struct Faults {
 };
 
 /// Checks a closed surface: manifold, consistently oriented, free of self-intersections. Exact.
+///
+/// A triangle that names a vertex twice has no edges and takes part in no other check.
+/// \param surface  indices in range, patches ignored
+/// \throws Error{Cancelled}
 [[nodiscard]] Faults check_surface(const SurfaceMesh& surface, const RunContext& run);
 
-/// Checks tets and their boundary. `fault_vertices` are indices of the tet mesh's vertices.
+/// Checks tets and their boundary. `fault_vertices` are indices of the tet mesh's vertices,
+/// `intersections` of the triangles of `boundary_of(mesh.tets)`.
+/// \param mesh  indices in range, regions ignored
+/// \throws Error{Cancelled}
 [[nodiscard]] Faults check_tets(const TetMesh& mesh, const RunContext& run);
 
 }  // namespace remesh

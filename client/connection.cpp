@@ -1,0 +1,146 @@
+#include "client/connection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <utility>
+
+#include "client/failure.h"
+
+namespace remesh::client {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Connection::Milliseconds kUnaryLimit = 30s;
+constexpr Connection::Milliseconds kFirstContactPatience = 5s;
+constexpr Connection::Milliseconds kRestartPatience = 120s;
+constexpr Connection::Milliseconds kShortestPause = 50ms;
+constexpr Connection::Milliseconds kLongestPause = 2s;
+
+bool is_port(std::string_view text) {
+    return !text.empty() && text.size() <= 5 &&
+           std::all_of(text.begin(), text.end(), [](char c) { return c >= '0' && c <= '9'; });
+}
+
+void require_address(const std::string& server) {
+    const std::size_t colon = server.rfind(':');
+    const bool is_socket = server.starts_with("unix:") && server.size() > 5;
+    const bool is_host =
+        colon != std::string::npos && colon > 0 && is_port(server.substr(colon + 1));
+    if (!is_socket && !is_host) {
+        throw Failure(ExitCode::Usage,
+                      fmt::format("--server must be HOST:PORT or unix:PATH, got {}", server));
+    }
+}
+
+std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
+    grpc::ChannelArguments arguments;
+    // Hospital networks set http_proxy for browsers; a mesh server is never behind it.
+    arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
+    return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+}
+
+}  // namespace
+
+Connection::Connection(std::string server, std::optional<Milliseconds> patience,
+                       std::stop_token stop)
+    : server_(std::move(server)), patience_(patience), stop_(std::move(stop)) {
+    require_address(server_);
+    const auto channel = open_channel(server_);
+    jobs_ = v1::JobService::NewStub(channel);
+    artifacts_ = v1::ArtifactService::NewStub(channel);
+    capabilities_ = v1::CapabilityService::NewStub(channel);
+}
+
+template <typename Stub, typename Request, typename Response>
+Response Connection::call(Stub& stub,
+                          grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
+                                                       Response*),
+                          const Request& request) {
+    Response response;
+    retry(kUnaryLimit, [&](grpc::ClientContext& context) {
+        return (stub.*method)(&context, request, &response);
+    });
+    return response;
+}
+
+v1::GetCapabilitiesResponse Connection::capabilities() {
+    return call(*capabilities_, &v1::CapabilityService::Stub::GetCapabilities,
+                v1::GetCapabilitiesRequest());
+}
+
+v1::Job Connection::create_job(const v1::CreateJobRequest& request) {
+    return call(*jobs_, &v1::JobService::Stub::CreateJob, request);
+}
+
+v1::Job Connection::get_job(const std::string& name) {
+    v1::GetJobRequest request;
+    request.set_name(name);
+    return call(*jobs_, &v1::JobService::Stub::GetJob, request);
+}
+
+v1::ListJobsResponse Connection::list_jobs(const v1::ListJobsRequest& request) {
+    return call(*jobs_, &v1::JobService::Stub::ListJobs, request);
+}
+
+v1::Job Connection::cancel_job(const std::string& name) {
+    v1::CancelJobRequest request;
+    request.set_name(name);
+    return call(*jobs_, &v1::JobService::Stub::CancelJob, request);
+}
+
+void Connection::delete_job(const std::string& name) {
+    v1::DeleteJobRequest request;
+    request.set_name(name);
+    call(*jobs_, &v1::JobService::Stub::DeleteJob, request);
+}
+
+void Connection::note_contact() {
+    last_contact_ = Clock::now();
+}
+
+void Connection::retry(Milliseconds limit, const Attempt& attempt) {
+    const Clock::time_point start = Clock::now();
+    for (Milliseconds wait = kShortestPause;; wait = std::min(2 * wait, kLongestPause)) {
+        grpc::ClientContext context;
+        context.set_deadline(std::chrono::system_clock::now() + limit);
+        grpc::Status status;
+        {
+            const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
+            status = attempt(context);
+        }
+        if (status.ok()) {
+            note_contact();
+            return;
+        }
+        if (stop_.stop_requested()) {
+            throw Failure(ExitCode::Interrupted, "interrupted");
+        }
+        const Milliseconds patience =
+            patience_.value_or(last_contact_ ? kRestartPatience : kFirstContactPatience);
+        const Clock::time_point silent_since = std::max(start, last_contact_.value_or(start));
+        if (status.error_code() != grpc::StatusCode::UNAVAILABLE ||
+            Clock::now() + wait > silent_since + patience) {
+            throw to_failure(status, server_);
+        }
+        pause(wait);
+    }
+}
+
+void Connection::pause(Milliseconds duration) const {
+    std::mutex mutex;
+    std::condition_variable_any wake;
+    std::unique_lock lock(mutex);
+    wake.wait_for(lock, stop_, duration, [] { return false; });
+    if (stop_.stop_requested()) {
+        throw Failure(ExitCode::Interrupted, "interrupted");
+    }
+}
+
+}  // namespace remesh::client

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+
+#include "remesh/v1/artifact.grpc.pb.h"
+#include "remesh/v1/capability.grpc.pb.h"
+#include "remesh/v1/job.grpc.pb.h"
+
+namespace remesh::client {
+
+/// One server, and what to do while it can't be reached.
+///
+/// Every call that answers UNAVAILABLE is tried again, with growing pauses, until the server has
+/// been silent for longer than the patience. All calls are safe to repeat: the contract makes them
+/// idempotent, and CreateJob carries a request id.
+class Connection {
+public:
+    using Attempt = std::function<grpc::Status(grpc::ClientContext&)>;
+    using Milliseconds = std::chrono::milliseconds;
+
+    /// \param server    "HOST:PORT" or "unix:PATH"
+    /// \param patience  how long a silent server is waited for; absent: a few seconds for the first
+    ///                  contact, then long enough for it to be restarted
+    /// \param stop      ends calls and pauses at once
+    /// \throws Failure{Usage} if `server` is neither
+    Connection(std::string server, std::optional<Milliseconds> patience, std::stop_token stop);
+
+    [[nodiscard]] v1::GetCapabilitiesResponse capabilities();
+    [[nodiscard]] v1::Job create_job(const v1::CreateJobRequest& request);
+    [[nodiscard]] v1::Job get_job(const std::string& name);
+    [[nodiscard]] v1::ListJobsResponse list_jobs(const v1::ListJobsRequest& request);
+    [[nodiscard]] v1::Job cancel_job(const std::string& name);
+    void delete_job(const std::string& name);
+
+    /// Tries a call until it succeeds, one attempt at least.
+    ///
+    /// \param limit  longest time of one attempt
+    /// \throws Failure that says why it didn't; Failure{Interrupted} if asked to stop
+    void retry(Milliseconds limit, const Attempt& attempt);
+
+    /// Says that the server answered in the middle of an attempt, so that patience starts anew.
+    void note_contact();
+
+    /// Listens to another token from now on: what the user does after a first interrupt.
+    void set_stop(std::stop_token stop) { stop_ = std::move(stop); }
+
+    [[nodiscard]] v1::JobService::Stub& jobs() { return *jobs_; }
+    [[nodiscard]] v1::ArtifactService::Stub& artifacts() { return *artifacts_; }
+    [[nodiscard]] const std::string& server() const { return server_; }
+
+private:
+    using Clock = std::chrono::steady_clock;
+
+    template <typename Stub, typename Request, typename Response>
+    Response call(Stub& stub,
+                  grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+                  const Request& request);
+    void pause(Milliseconds duration) const;
+
+    std::string server_;
+    std::optional<Milliseconds> patience_;
+    std::stop_token stop_;
+    std::unique_ptr<v1::JobService::Stub> jobs_;
+    std::unique_ptr<v1::ArtifactService::Stub> artifacts_;
+    std::unique_ptr<v1::CapabilityService::Stub> capabilities_;
+    std::optional<Clock::time_point> last_contact_;
+};
+
+}  // namespace remesh::client

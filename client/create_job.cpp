@@ -1,0 +1,34 @@
+#include "client/create_job.h"
+
+#include <fmt/format.h>
+#include <sys/random.h>
+
+#include <array>
+#include <utility>
+
+#include "client/failure.h"
+
+namespace remesh::client {
+namespace {
+
+std::string random_id() {
+    std::array<unsigned char, 16> bytes{};
+    if (getrandom(bytes.data(), bytes.size(), 0) != static_cast<ssize_t>(bytes.size())) {
+        throw system_failure("can't make a request id");
+    }
+    return fmt::format("{:02x}", fmt::join(bytes, ""));
+}
+
+}  // namespace
+
+v1::Job create_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
+    upload(connection, file);
+    *spec.mutable_input()->mutable_digest() = file.digest();
+    spec.mutable_input()->set_file_name(file.name());
+    v1::CreateJobRequest request;
+    *request.mutable_spec() = std::move(spec);
+    request.set_request_id(random_id());
+    return connection.create_job(request);
+}
+
+}  // namespace remesh::client

@@ -1,0 +1,167 @@
+#include "client/options.h"
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+namespace remesh::client {
+namespace {
+
+template <typename Value, typename Setter>
+CLI::Option* add_value(CLI::App& command, const std::string& name, const std::string& type,
+                       const std::string& help, Setter set) {
+    return command
+        .add_option_function<Value>(
+            name, [set](const Value& value) { set(value); }, help)
+        ->type_name(type);
+}
+
+/// An option with a fixed set of words.
+template <typename Enum, typename Setter>
+void add_choice(CLI::App& command, const std::string& name,
+                const std::map<std::string, Enum>& words, const std::string& help, Setter set) {
+    std::string type;
+    for (const auto& [word, value] : words) {
+        type += (type.empty() ? "" : "|") + word;
+    }
+    command
+        .add_option_function<std::string>(
+            name, [set, words](const std::string& word) { set(words.at(word)); }, help)
+        ->type_name(type)
+        ->check(CLI::IsMember(words).description(""));
+}
+
+template <typename Setter>
+void add_switch(CLI::App& command, const std::string& name, const std::string& help, Setter set) {
+    command.add_flag_function(
+        name, [set](std::int64_t) { set(); }, help);
+}
+
+void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
+    v1::Options& options = *spec.mutable_options();
+    command.option_defaults()->group("Mesh");
+    add_value<double>(command, "--edge-length", "H", "Wanted edge length; absent: chosen",
+                      [&](double x) { options.set_edge_length(x); });
+    add_switch(command, "--surface-only", "No tetrahedra", [&] { options.set_tetrahedra(false); });
+    add_value<std::uint64_t>(command, "--seed", "N", "Changes where particles start",
+                             [&](std::uint64_t x) { options.set_seed(x); });
+    add_switch(command, "--no-thickness-guard", "Don't refine where the body is thin",
+               [&] { options.mutable_sizing()->set_guard_thickness(false); });
+    v1::Frame& frame = *spec.mutable_input()->mutable_frame();
+    add_choice<v1::Unit>(
+        command, "--unit",
+        {{"mm", v1::UNIT_MILLIMETER}, {"cm", v1::UNIT_CENTIMETER}, {"m", v1::UNIT_METER}},
+        "Unit of the coordinates, carried along", [&](v1::Unit x) { frame.set_unit(x); });
+    add_choice<v1::Space>(command, "--space", {{"lps", v1::SPACE_LPS}, {"ras", v1::SPACE_RAS}},
+                          "Space of the coordinates, carried along",
+                          [&](v1::Space x) { frame.set_space(x); });
+}
+
+void add_repair_options(CLI::App& command, v1::Options& options) {
+    v1::Prepare& prepare = *options.mutable_prepare();
+    command.option_defaults()->group("Repair");
+    add_choice<v1::Prepare::Smoothing>(command, "--smoothing",
+                                       {{"auto", v1::Prepare::SMOOTHING_AUTOMATIC},
+                                        {"off", v1::Prepare::SMOOTHING_OFF},
+                                        {"on", v1::Prepare::SMOOTHING_ON}},
+                                       "Smooth voxel stairs and noise",
+                                       [&](auto x) { prepare.set_smoothing(x); });
+    add_value<double>(command, "--max-displacement", "X",
+                      "Largest move by smoothing, in input edges, in (0, 2]",
+                      [&](double x) { prepare.set_max_displacement(x); });
+    add_switch(command, "--no-close-holes", "Leave holes open",
+               [&] { prepare.set_close_holes(false); });
+    add_switch(command, "--keep-cavities", "Keep cavities inside the body",
+               [&] { prepare.set_keep_cavities(true); });
+    add_value<double>(command, "--speck-volume", "X",
+                      "Drop parts below this share of the largest, in [0, 1)",
+                      [&](double x) { prepare.set_speck_volume(x); });
+
+    v1::Features& features = *options.mutable_features();
+    add_switch(command, "--no-features", "Don't keep sharp edges and corners",
+               [&] { features.set_detect(false); });
+    add_value<double>(command, "--sharp-angle", "DEG", "Edges bent by more are sharp",
+                      [&](double x) { features.set_sharp_angle(x); });
+    add_value<double>(command, "--corner-angle", "DEG",
+                      "Sharp lines that turn by more have a corner",
+                      [&](double x) { features.set_corner_angle(x); });
+}
+
+void add_relaxation_options(CLI::App& command, v1::Options& options) {
+    v1::Relaxation& relaxation = *options.mutable_relaxation();
+    command.option_defaults()->group("Relaxation");
+    add_choice<v1::Relaxation::Force>(command, "--force",
+                                      {{"springs", v1::Relaxation::FORCE_SPRINGS},
+                                       {"charged", v1::Relaxation::FORCE_CHARGED_PARTICLES}},
+                                      "Force between particles",
+                                      [&](auto x) { relaxation.set_force(x); });
+    add_choice<v1::Relaxation::Integrator>(
+        command, "--integrator",
+        {{"damped", v1::Relaxation::INTEGRATOR_DAMPED_DYNAMICS},
+         {"gradient", v1::Relaxation::INTEGRATOR_GRADIENT_DESCENT},
+         {"fire", v1::Relaxation::INTEGRATOR_FIRE}},
+        "Time integration", [&](auto x) { relaxation.set_integrator(x); });
+    add_value<double>(command, "--mass", "M", "Mass of a particle, > 0",
+                      [&](double x) { relaxation.set_mass(x); });
+    add_value<double>(command, "--damping", "D", "Share of critical damping, in (0, 2]",
+                      [&](double x) { relaxation.set_damping(x); });
+    add_value<double>(command, "--charge-exponent", "P", "Power law of charges, in [1, 6]",
+                      [&](double x) { relaxation.set_charge_exponent(x); });
+    add_value<double>(command, "--preload", "X", "Lattice spacing over h, in [0.7, 1.2]",
+                      [&](double x) { relaxation.set_preload(x); });
+    add_value<std::int32_t>(command, "--max-surface-iterations", "N", "Bound on the surface",
+                            [&](std::int32_t x) { relaxation.set_max_surface_iterations(x); });
+    add_value<std::int32_t>(command, "--max-volume-iterations", "N", "Bound in the volume",
+                            [&](std::int32_t x) { relaxation.set_max_volume_iterations(x); });
+    add_value<double>(command, "--tolerance", "X", "Converged below this rms step over h",
+                      [&](double x) { relaxation.set_tolerance(x); });
+}
+
+void add_improvement_options(CLI::App& command, v1::Options& options) {
+    v1::Improvement& improvement = *options.mutable_improvement();
+    command.option_defaults()->group("Improvement");
+    add_choice<v1::Improvement::Mode>(command, "--mode",
+                                      {{"balanced", v1::Improvement::MODE_BALANCED},
+                                       {"strict-delaunay", v1::Improvement::MODE_STRICT_DELAUNAY},
+                                       {"max-min-angle", v1::Improvement::MODE_MAX_MIN_ANGLE}},
+                                      "What to aim at", [&](auto x) { improvement.set_mode(x); });
+    add_value<std::int32_t>(command, "--passes", "N", "Passes of flips and smoothing",
+                            [&](std::int32_t x) { improvement.set_passes(x); });
+}
+
+void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
+    command.option_defaults()->group("Job");
+    add_value<std::int32_t>(command, "--priority", "N", "Higher goes first, in [-100, 100]",
+                            [&](std::int32_t x) { spec.set_priority(x); });
+    add_value<double>(command, "--time-limit", "SECONDS", "Longest time to run", [&](double x) {
+        const auto milliseconds = static_cast<std::int64_t>(x * 1e3);
+        spec.mutable_timeout()->set_seconds(milliseconds / 1000);
+        spec.mutable_timeout()->set_nanos(static_cast<std::int32_t>(milliseconds % 1000) *
+                                          1'000'000);
+    })->check(CLI::Range(0.001, 1e9).description(""));
+    add_value<std::vector<std::string>>(
+        command, "--label", "KEY=VALUE", "Shown with the job; never patient data; repeatable",
+        [&](const std::vector<std::string>& labels) {
+            for (const std::string& label : labels) {
+                const std::size_t equals = label.find('=');
+                if (equals == std::string::npos || equals == 0) {
+                    throw CLI::ValidationError("--label", "must be KEY=VALUE, got " + label);
+                }
+                (*spec.mutable_labels())[label.substr(0, equals)] = label.substr(equals + 1);
+            }
+        })
+        ->allow_extra_args(false);
+}
+
+}  // namespace
+
+void add_job_options(CLI::App& command, v1::JobSpec& spec) {
+    add_mesh_options(command, spec);
+    add_repair_options(command, *spec.mutable_options());
+    add_relaxation_options(command, *spec.mutable_options());
+    add_improvement_options(command, *spec.mutable_options());
+    add_queue_options(command, spec);
+    command.option_defaults()->group("Options");
+}
+
+}  // namespace remesh::client

@@ -1,0 +1,62 @@
+#include "client/session.h"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+namespace remesh::client {
+namespace {
+
+/// A private server that doesn't answer is dead, not restarting.
+constexpr Connection::Milliseconds kPrivatePatience = std::chrono::seconds(2);
+
+}  // namespace
+
+Connection& Session::named_server() {
+    if (is_private()) {
+        throw Failure(ExitCode::Usage,
+                      "this needs a server: give --server HOST:PORT or set REMESH_SERVER");
+    }
+    return connect(settings_.server);
+}
+
+Connection& Session::any_server() {
+    if (!is_private()) {
+        return named_server();
+    }
+    if (!private_server_) {
+        private_server_.emplace(settings_.own_server, interrupts_.first());
+    }
+    return connect(private_server_->address());
+}
+
+Connection& Session::connect(const std::string& server) {
+    if (!connection_) {
+        std::optional<Connection::Milliseconds> patience;
+        if (settings_.timeout) {
+            patience = Connection::Milliseconds(
+                static_cast<Connection::Milliseconds::rep>(*settings_.timeout * 1e3));
+        } else if (is_private()) {
+            patience = kPrivatePatience;
+        }
+        connection_.emplace(server, patience, interrupts_.first());
+    }
+    return *connection_;
+}
+
+void Session::note(const std::string& line) const {
+    if (!settings_.quiet) {
+        fmt::print(stderr, "{}\n", line);
+    }
+}
+
+Failure Session::explained(const Failure& failure) {
+    if (private_server_ && failure.code() == ExitCode::Unavailable) {
+        if (const auto reason = private_server_->post_mortem()) {
+            return {ExitCode::JobFailed, "the private server " + *reason};
+        }
+    }
+    return failure;
+}
+
+}  // namespace remesh::client

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "core/mesh/mesh.h"
+#include "core/run_context.h"
+#include "core/stages/prepare.h"
+
+namespace remesh {
+
+/// Triangles that can be computed with, and what they were like.
+struct CleanResult {
+    SurfaceMesh surface{};  ///< Unused vertices left out.
+    InputFacts facts{};     ///< All but the volume.
+    std::vector<Defect> defects{};
+};
+
+/// Welds equal positions; drops triangles that aren't finite, have no area, or repeat another one
+/// (in either direction). Patches stay.
+///
+/// \param h  wanted edge length, for the density of sharp edges
+/// \throws Error{InvalidInput} if nothing with area is left
+CleanResult clean_surface(const SurfaceMesh& input, double h, RunContext& run);
+
+}  // namespace remesh

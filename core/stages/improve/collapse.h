@@ -1,0 +1,15 @@
+#pragma once
+
+#include "core/stages/improve/live_mesh.h"
+
+namespace remesh::improve {
+
+/// Contracts the edge (v, w) onto w, which stays where it is, if that raises the worst dihedral
+/// sine or scaled angle sine (see Star::worst) of all that touched v.
+///
+/// A surface vertex goes only along an edge of the boundary, where the full link condition holds,
+/// the normals stay within 37 degrees and no triangle gets a poor angle. Curve vertices and corners
+/// stay.
+bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale);
+
+}  // namespace remesh::improve

@@ -1,0 +1,377 @@
+#include "core/stages/improve/flips.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "core/stages/improve/measures.h"
+
+namespace remesh::improve {
+namespace {
+
+constexpr std::size_t kMaxRing = 8;
+constexpr double kGain = 1e-4;            // Least relative gain, so that no two flips take turns.
+constexpr double kNormalCosine = 0.8;     // About 37 degrees.
+constexpr double kBentCosine = 0.75;      // Between the two new triangles of a surface flip.
+constexpr double kBadAngleSine = 0.342;   // 20 degrees: such triangles have no normal to trust.
+constexpr double kFineAngleSine = 0.574;  // 35 degrees: may get worse down to this.
+constexpr double kPeelLimit = 0.35;       // Boundary tets of lower quality may be peeled off.
+
+template <typename Measure>
+double measure(const LiveMesh& mesh, Index a, Index b, Index c, Index d) {
+    return Measure::of(mesh.point(a), mesh.point(b), mesh.point(c), mesh.point(d));
+}
+
+template <typename Measure>
+double measure(const LiveMesh& mesh, const Tet& t) {
+    return measure<Measure>(mesh, t[0], t[1], t[2], t[3]);
+}
+
+// The tets around an edge (a, b), in order, and the vertices that they pass.
+struct Ring {
+    std::array<Index, kMaxRing> tets{};
+    std::array<Index, kMaxRing + 1> vertices{};
+    std::size_t tet_count = 0;
+    std::size_t size = 0;  // Of vertices; one more than tets where the edge is on the boundary.
+    [[nodiscard]] bool is_open() const { return size == tet_count + 1; }
+};
+
+// Corners c and d of a tet, so that (a, b, c, d) is positively oriented.
+std::array<Index, 2> rest_of(const Tet& tet, Index a, Index b) {
+    std::size_t ia = 0;
+    while (tet[ia] != a) {
+        ++ia;
+    }
+    const auto& order = kToFront[ia];
+    for (std::size_t k = 1; k < 4; ++k) {
+        if (tet[order[k]] == b) {
+            return {tet[order[k % 3 + 1]], tet[order[(k + 1) % 3 + 1]]};
+        }
+    }
+    return {kNone, kNone};
+}
+
+std::optional<Ring> ring_around(const LiveMesh& mesh, Index a, Index b) {
+    std::array<Index, kMaxRing> tets{};
+    std::array<std::array<Index, 2>, kMaxRing> sides{};
+    std::size_t n = 0;
+    for (const Index t : mesh.around(a)) {
+        if (!has(mesh.tet(t), b)) {
+            continue;
+        }
+        if (n == kMaxRing) {
+            return std::nullopt;
+        }
+        tets[n] = t;
+        sides[n++] = rest_of(mesh.tet(t), a, b);
+    }
+    if (n == 0) {
+        return std::nullopt;
+    }
+    std::size_t current = n;
+    for (std::size_t i = 0; i < n; ++i) {
+        const bool has_previous = std::any_of(sides.begin(), sides.begin() + n,
+                                              [&](auto& side) { return side[1] == sides[i][0]; });
+        if (!has_previous) {
+            if (current != n) {
+                return std::nullopt;  // Two fans: the edge isn't manifold.
+            }
+            current = i;
+        }
+    }
+    const bool is_open = current != n;
+    Ring ring;
+    ring.tet_count = n;
+    current = is_open ? current : 0;
+    for (std::size_t step = 0; step < n; ++step) {
+        ring.tets[step] = tets[current];
+        ring.vertices[ring.size++] = sides[current][0];
+        const Index to = sides[current][1];
+        std::size_t next = 0;
+        while (next < n && sides[next][0] != to) {
+            ++next;
+        }
+        if (step + 1 == n) {
+            if (is_open ? next != n : to != ring.vertices[0]) {
+                return std::nullopt;
+            }
+            if (is_open) {
+                ring.vertices[ring.size++] = to;
+            }
+        } else if (next == n) {
+            return std::nullopt;
+        }
+        current = next;
+    }
+    if (ring.size > kMaxRing) {
+        return std::nullopt;
+    }
+    return ring;
+}
+
+// A planned surface flip: how much the smallest angle of the two triangles gains.
+struct SurfaceFlip {
+    double old_sine = 0.0;
+    double new_sine = 0.0;
+};
+
+// The boundary edge (a, b) becomes (u, w), the ends of its open ring.
+std::optional<SurfaceFlip> plan_surface_flip(const LiveMesh& mesh, Index a, Index b,
+                                             const Ring& ring) {
+    const Index u = ring.vertices[0];
+    const Index w = ring.vertices[ring.size - 1];
+    const bool is_plain =
+        mesh.kind(a) == ParticleKind::Surface || mesh.kind(b) == ParticleKind::Surface;
+    const bool is_ours = mesh.on_boundary(a) && mesh.on_boundary(b) && !mesh.is_locked(a) &&
+                         !mesh.is_locked(b) && !mesh.is_locked(u) && !mesh.is_locked(w);
+    if (!is_plain || !is_ours) {
+        return std::nullopt;
+    }
+    for (const Index t : mesh.around(u)) {
+        const auto* const end = ring.tets.begin() + ring.tet_count;
+        if (ring.tet_count > 1 && has(mesh.tet(t), w) &&
+            std::find(ring.tets.begin(), end, t) == end) {
+            return std::nullopt;  // The new edge is there already, elsewhere.
+        }
+    }
+    const Vec3& pa = mesh.point(a);
+    const Vec3& pb = mesh.point(b);
+    const Vec3& pu = mesh.point(u);
+    const Vec3& pw = mesh.point(w);
+    const Vec3 old1 = (pb - pa).cross(pu - pa);
+    const Vec3 old2 = (pw - pa).cross(pb - pa);
+    const Vec3 mean = (old1 + old2).normalized();
+    const Vec3 new1 = (pw - pa).cross(pu - pa).normalized();
+    const Vec3 new2 = (pu - pb).cross(pw - pb).normalized();
+    SurfaceFlip flip;
+    flip.old_sine = std::min(angle_sine(pa, pb, pu), angle_sine(pa, pb, pw));
+    flip.new_sine = std::min(angle_sine(pa, pw, pu), angle_sine(pb, pw, pu));
+    const bool is_bent = new1.dot(mean) < kNormalCosine || new2.dot(mean) < kNormalCosine ||
+                         new1.dot(new2) < kBentCosine;
+    const bool was_bent =
+        flip.old_sine >= kBadAngleSine && old1.normalized().dot(old2.normalized()) < kNormalCosine;
+    if (is_bent || was_bent || flip.new_sine < std::min(flip.old_sine + 1e-9, kFineAngleSine)) {
+        return std::nullopt;
+    }
+    return flip;
+}
+
+bool is_manifold_at(const LiveMesh& mesh, Index a, Index b, Index u, Index w) {
+    return mesh.is_one_fan(a) && mesh.is_one_fan(b) && mesh.is_one_fan(u) && mesh.is_one_fan(w);
+}
+
+// The only tet at a boundary edge, with both triangles there, is taken off.
+template <typename Measure>
+bool peel(LiveMesh& mesh, Index a, Index b, const Ring& ring, const SurfaceFlip& flip) {
+    const Tet tet = mesh.tet(ring.tets[0]);
+    const double old = measure<Measure>(mesh, tet);
+    const double gain = angle_degrees(flip.new_sine) - angle_degrees(flip.old_sine);
+    if (old > (gain > 5.0 ? 0.6 : kPeelLimit) || mesh.around(a).size() < 3 ||
+        mesh.around(b).size() < 3) {
+        return false;
+    }
+    mesh.remove(ring.tets[0]);
+    if (!is_manifold_at(mesh, a, b, ring.vertices[0], ring.vertices[1])) {
+        mesh.add(tet);
+        return false;
+    }
+    return true;
+}
+
+// Best triangulation of the ring's polygon: [i][j] is the worst tet over the part from i to j.
+struct Plan {
+    std::array<std::array<double, kMaxRing>, kMaxRing> worst;
+    std::array<std::array<std::uint8_t, kMaxRing>, kMaxRing> middle;
+};
+
+template <typename Measure>
+double plan_ring(const LiveMesh& mesh, Index a, Index b, const Ring& ring, double limit,
+                 Plan& plan) {
+    const auto& r = ring.vertices;
+    const std::size_t m = ring.size;
+    for (std::size_t i = m; i-- > 0;) {
+        for (std::size_t j = i + 1; j < m; ++j) {
+            if (j == i + 1) {
+                plan.worst[i][j] = 1.0;
+                continue;
+            }
+            double best = -1.0;
+            for (std::size_t k = i + 1; k < j; ++k) {
+                double value = std::min(plan.worst[i][k], plan.worst[k][j]);
+                if (value <= std::max(limit, best)) {
+                    continue;
+                }
+                value = std::min(value, measure<Measure>(mesh, r[i], r[k], r[j], b));
+                if (value <= std::max(limit, best)) {
+                    continue;
+                }
+                value = std::min(value, measure<Measure>(mesh, r[i], r[j], r[k], a));
+                if (value > std::max(limit, best)) {
+                    best = value;
+                    plan.middle[i][j] = static_cast<std::uint8_t>(k);
+                }
+            }
+            plan.worst[i][j] = best;
+        }
+    }
+    return plan.worst[0][m - 1];
+}
+
+void fill_ring(LiveMesh& mesh, Index a, Index b, const Ring& ring, const Plan& plan, std::size_t i,
+               std::size_t j) {
+    if (j == i + 1) {
+        return;
+    }
+    const auto& r = ring.vertices;
+    const std::size_t k = plan.middle[i][j];
+    mesh.add({r[i], r[k], r[j], b});
+    mesh.add({r[i], r[j], r[k], a});
+    fill_ring(mesh, a, b, ring, plan, i, k);
+    fill_ring(mesh, a, b, ring, plan, k, j);
+}
+
+template <typename Measure>
+bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
+    const auto ring = ring_around(mesh, a, b);
+    if (!ring) {
+        return false;
+    }
+    double old = 1.0;
+    for (std::size_t i = 0; i < ring->tet_count; ++i) {
+        old = std::min(old, measure<Measure>(mesh, mesh.tet(ring->tets[i])));
+    }
+    if (ring->is_open()) {
+        const auto flip = plan_surface_flip(mesh, a, b, *ring);
+        if (!flip) {
+            return false;
+        }
+        if (ring->tet_count == 1) {
+            return peel<Measure>(mesh, a, b, *ring, *flip);
+        }
+        const double gain = angle_degrees(flip->new_sine) - angle_degrees(flip->old_sine);
+        if (gain > 3.0 && flip->old_sine < 0.5) {
+            old = std::min(old, kPeelLimit);  // A much better triangle may cost some of the tets.
+        }
+    } else if (ring->size < 3) {
+        return false;
+    }
+    Plan plan;
+    const double limit = std::max(old, 0.0) * (1.0 + kGain) + 1e-9;
+    if (plan_ring<Measure>(mesh, a, b, *ring, limit, plan) <= limit) {
+        return false;
+    }
+    std::array<Tet, kMaxRing> removed;
+    for (std::size_t i = 0; i < ring->tet_count; ++i) {
+        removed[i] = mesh.tet(ring->tets[i]);
+        mesh.remove(ring->tets[i]);
+    }
+    fill_ring(mesh, a, b, *ring, plan, 0, ring->size - 1);
+    return true;
+}
+
+template <typename Measure>
+bool remove_face_by(LiveMesh& mesh, Index t, std::size_t corner) {
+    const Tet tet = mesh.tet(t);
+    const auto& face = kFaces[corner];
+    const Index d = tet[corner];
+    // Seen from d the face runs clockwise as (f0, f1, f2).
+    const Index f0 = tet[face[1]];
+    const Index f1 = tet[face[0]];
+    const Index f2 = tet[face[2]];
+    Index other = kNone;
+    for (const Index s : mesh.around(f0)) {
+        if (s != t && has(mesh.tet(s), f1) && has(mesh.tet(s), f2)) {
+            other = s;
+            break;
+        }
+    }
+    if (other == kNone) {
+        return false;
+    }
+    Index e = kNone;
+    for (const Index v : mesh.tet(other)) {
+        if (v != f0 && v != f1 && v != f2) {
+            e = v;
+        }
+    }
+    const double old =
+        std::min(measure<Measure>(mesh, tet), measure<Measure>(mesh, mesh.tet(other)));
+    const double limit = std::max(old, 0.0) * (1.0 + kGain) + 1e-9;
+    if (measure<Measure>(mesh, f0, f1, e, d) <= limit ||
+        measure<Measure>(mesh, f1, f2, e, d) <= limit ||
+        measure<Measure>(mesh, f2, f0, e, d) <= limit) {
+        return false;
+    }
+    for (const Index s : mesh.around(d)) {
+        if (has(mesh.tet(s), e)) {
+            return false;
+        }
+    }
+    mesh.remove(t);
+    mesh.remove(other);
+    mesh.add({f0, f1, e, d});
+    mesh.add({f1, f2, e, d});
+    mesh.add({f2, f0, e, d});
+    return true;
+}
+
+template <typename Measure>
+bool flip_tet_by(LiveMesh& mesh, Index t) {
+    constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
+        {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
+    const Tet tet = mesh.tet(t);
+    for (const auto& edge : kEdges) {
+        if (remove_edge_by<Measure>(mesh, tet[edge[0]], tet[edge[1]])) {
+            return true;
+        }
+    }
+    for (std::size_t corner = 0; corner < 4; ++corner) {
+        if (remove_face_by<Measure>(mesh, t, corner)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+}  // namespace
+
+bool remove_edge(LiveMesh& mesh, Index a, Index b, Judge judge) {
+    return judge == Judge::RadiusRatio ? remove_edge_by<RadiusRatio>(mesh, a, b)
+                                       : remove_edge_by<DihedralSine>(mesh, a, b);
+}
+
+bool remove_face(LiveMesh& mesh, Index t, std::size_t corner, Judge judge) {
+    return judge == Judge::RadiusRatio ? remove_face_by<RadiusRatio>(mesh, t, corner)
+                                       : remove_face_by<DihedralSine>(mesh, t, corner);
+}
+
+bool flip_tet(LiveMesh& mesh, Index t, Judge judge) {
+    return judge == Judge::RadiusRatio ? flip_tet_by<RadiusRatio>(mesh, t)
+                                       : flip_tet_by<DihedralSine>(mesh, t);
+}
+
+std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext& run) {
+    constexpr std::size_t kBlock = 4096;
+    std::int64_t flips = 0;
+    // Goes on to the tets that flips append; the bound only makes it plain that the loop ends.
+    const std::size_t bound = 2 * mesh.slot_count() + 1000;
+    for (std::size_t i = 0; i < std::min(mesh.slot_count(), bound); ++i) {
+        if (i % kBlock == 0) {
+            run.checkpoint();
+        }
+        const Index t = index(i);
+        if (!mesh.is_alive(t)) {
+            continue;
+        }
+        const auto& tet = mesh.tet(t);
+        const bool is_due = all || mesh.has_changed(tet[0]) || mesh.has_changed(tet[1]) ||
+                            mesh.has_changed(tet[2]) || mesh.has_changed(tet[3]);
+        if (is_due && measure<RadiusRatio>(mesh, tet) < limit &&
+            flip_tet_by<RadiusRatio>(mesh, t)) {
+            ++flips;
+        }
+    }
+    return flips;
+}
+
+}  // namespace remesh::improve

@@ -1,0 +1,193 @@
+#include "core/stages/improve/live_mesh.h"
+
+#include <algorithm>
+
+namespace remesh::improve {
+
+Index LiveMesh::add_vertex(const Vec3& point, ParticleKind kind, Index anchor, bool locked) {
+    points_.push_back(point);
+    kinds_.push_back(kind);
+    anchors_.push_back(anchor);
+    locked_.push_back(locked);
+    changed_.push_back(1);
+    blocks_.emplace_back();
+    return index(points_.size() - 1);
+}
+
+void LiveMesh::reserve(std::size_t vertices, std::size_t tets) {
+    points_.reserve(vertices);
+    kinds_.reserve(vertices);
+    anchors_.reserve(vertices);
+    locked_.reserve(vertices);
+    changed_.reserve(vertices);
+    blocks_.reserve(vertices);
+    tets_.reserve(tets + tets / 16);
+}
+
+void LiveMesh::build_incidence() {
+    constexpr std::uint32_t kSlack = 4;
+    for (const auto& tet : tets_) {
+        for (const Index v : tet) {
+            ++blocks_[at(v)].capacity;
+        }
+    }
+    std::uint32_t offset = 0;
+    for (auto& block : blocks_) {
+        block.offset = offset;
+        block.capacity = static_cast<std::uint16_t>(block.capacity + kSlack);
+        offset += block.capacity;
+    }
+    pool_.reserve(offset + offset / 8);
+    pool_.resize(offset);
+    for (std::size_t t = 0; t < tets_.size(); ++t) {
+        for (const Index v : tets_[t]) {
+            auto& block = blocks_[at(v)];
+            pool_[block.offset + block.count++] = index(t);
+        }
+    }
+}
+
+void LiveMesh::attach(Index v, Index t) {
+    auto& block = blocks_[at(v)];
+    if (block.count == block.capacity) {
+        const auto moved = static_cast<std::uint32_t>(pool_.size());
+        const auto capacity = static_cast<std::uint16_t>(2 * block.capacity + 8);
+        pool_.resize(pool_.size() + capacity);
+        std::copy_n(pool_.begin() + block.offset, block.count, pool_.begin() + moved);
+        block.offset = moved;
+        block.capacity = capacity;
+    }
+    pool_[block.offset + block.count++] = t;
+    changed_[at(v)] = 1;
+}
+
+void LiveMesh::detach(Index v, Index t) {
+    auto& block = blocks_[at(v)];
+    Index* const list = pool_.data() + block.offset;
+    *std::find(list, list + block.count, t) = list[block.count - 1];
+    --block.count;
+    changed_[at(v)] = 1;
+}
+
+void LiveMesh::fill_slot(Index t, const Tet& tet) {
+    tets_[at(t)] = tet;
+    for (const Index v : tet) {
+        attach(v, t);
+    }
+}
+
+Index LiveMesh::add(const Tet& tet) {
+    const Index t = index(tets_.size());
+    tets_.push_back(tet);
+    fill_slot(t, tet);
+    if (recording_) {
+        journal_.push_back({Change::Added, t, tet, Vec3::Zero(), kNone});
+    }
+    return t;
+}
+
+void LiveMesh::remove(Index t) {
+    const Tet tet = tets_[at(t)];
+    for (const Index v : tet) {
+        detach(v, t);
+    }
+    tets_[at(t)][0] = kNone;
+    if (recording_) {
+        journal_.push_back({Change::Removed, t, tet, Vec3::Zero(), kNone});
+    }
+}
+
+void LiveMesh::begin() {
+    journal_.clear();
+    recording_ = true;
+}
+
+void LiveMesh::commit() {
+    recording_ = false;
+    journal_.clear();
+}
+
+void LiveMesh::roll_back() {
+    recording_ = false;
+    for (auto record = journal_.rbegin(); record != journal_.rend(); ++record) {
+        switch (record->change) {
+            case Change::Added: remove(record->id); break;
+            case Change::Removed: fill_slot(record->id, record->tet); break;
+            case Change::Moved: move(record->id, record->point, record->anchor); break;
+        }
+    }
+    journal_.clear();
+}
+
+void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {
+    if (recording_) {
+        journal_.push_back({Change::Moved, v, {}, points_[at(v)], anchors_[at(v)]});
+    }
+    move(v, point, anchor);
+    changed_[at(v)] = 1;
+}
+
+std::vector<Index> LiveMesh::added() const {
+    std::vector<Index> alive;
+    for (const auto& record : journal_) {
+        if (record.change == Change::Added && is_alive(record.id)) {
+            alive.push_back(record.id);
+        }
+    }
+    return alive;
+}
+
+void LiveMesh::boundary_fan(Index v, std::vector<LinkEdge>& edges) const {
+    edges.clear();
+    for (const Index t : around(v)) {
+        const auto& tet = tets_[at(t)];
+        const auto corner =
+            static_cast<std::size_t>(std::find(tet.begin(), tet.end(), v) - tet.begin());
+        const auto& order = kToFront[corner];
+        // Faces of the tet (v, b, c, d) at v, outward: (v, c, b), (v, d, c), (v, b, d).
+        const Index b = tet[order[1]];
+        const Index c = tet[order[2]];
+        const Index d = tet[order[3]];
+        for (const auto& [from, to] : {LinkEdge{c, b}, LinkEdge{d, c}, LinkEdge{b, d}}) {
+            if (!on_boundary(from) || !on_boundary(to)) {
+                continue;
+            }
+            const auto twin = std::find_if(edges.begin(), edges.end(), [&](const LinkEdge& e) {
+                return e.from == to && e.to == from;
+            });
+            if (twin == edges.end()) {
+                edges.push_back({from, to});
+            } else {
+                *twin = edges.back();
+                edges.pop_back();
+            }
+        }
+    }
+}
+
+bool LiveMesh::is_one_fan(Index v) const {
+    std::vector<LinkEdge> edges;
+    boundary_fan(v, edges);
+    if (edges.empty()) {
+        return true;
+    }
+    Index current = edges.front().from;
+    for (std::size_t step = 0; step < edges.size(); ++step) {
+        Index next = kNone;
+        for (const auto& edge : edges) {
+            if (edge.from == current) {
+                if (next != kNone) {
+                    return false;
+                }
+                next = edge.to;
+            }
+        }
+        if (next == kNone || (next == edges.front().from && step + 1 < edges.size())) {
+            return false;
+        }
+        current = next;
+    }
+    return current == edges.front().from;
+}
+
+}  // namespace remesh::improve

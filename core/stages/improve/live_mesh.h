@@ -1,0 +1,119 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/geometry/particles.h"
+#include "core/mesh/mesh.h"
+#include "core/stages/carve.h"
+
+namespace remesh::improve {
+
+/// Corners of the face opposite of each corner of a tet, facing outward.
+inline constexpr std::array<std::array<std::size_t, 3>, 4> kFaces{
+    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
+/// Even permutations that bring corner i to the front.
+inline constexpr std::array<std::array<std::size_t, 4>, 4> kToFront{
+    {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 3, 0, 1}, {3, 2, 1, 0}}};
+
+inline std::size_t at(Index i) {
+    return static_cast<std::size_t>(i);
+}
+inline Index index(std::size_t i) {
+    return static_cast<Index>(i);
+}
+inline bool has(const Tet& tet, Index v) {
+    return tet[0] == v || tet[1] == v || tet[2] == v || tet[3] == v;
+}
+
+/// An edge of a vertex's link; with the vertex in front it is a boundary triangle facing outward.
+struct LinkEdge {
+    Index from = kNone;
+    Index to = kNone;
+};
+
+/// The part of a tet mesh that changes: tets that can be added and removed, and the tets around
+/// every vertex. Changes can be undone back to a mark. Not safe for more than one thread but for
+/// `move` on vertices that share no tet.
+class LiveMesh {
+public:
+    [[nodiscard]] std::size_t vertex_count() const { return points_.size(); }
+    [[nodiscard]] std::size_t slot_count() const { return tets_.size(); }
+    [[nodiscard]] bool is_alive(Index t) const { return tets_[at(t)][0] != kNone; }
+    [[nodiscard]] const Tet& tet(Index t) const { return tets_[at(t)]; }
+    [[nodiscard]] const Vec3& point(Index v) const { return points_[at(v)]; }
+    [[nodiscard]] ParticleKind kind(Index v) const { return kinds_[at(v)]; }
+    [[nodiscard]] Index anchor(Index v) const { return anchors_[at(v)]; }
+    [[nodiscard]] bool on_boundary(Index v) const { return kinds_[at(v)] != ParticleKind::Volume; }
+    /// May neither move nor go: it has tets outside of this part, or was frozen.
+    [[nodiscard]] bool is_locked(Index v) const { return locked_[at(v)]; }
+    /// Alive tets at a vertex. Adding and removing tets invalidates it.
+    [[nodiscard]] std::span<const Index> around(Index v) const {
+        const auto& block = blocks_[at(v)];
+        return {pool_.data() + block.offset, block.count};
+    }
+    /// Whether a vertex moved or lost or won tets since the flag was cleared.
+    [[nodiscard]] bool has_changed(Index v) const { return changed_[at(v)]; }
+    void set_changed(Index v, bool changed) { changed_[at(v)] = changed; }
+
+    Index add_vertex(const Vec3& point, ParticleKind kind, Index anchor, bool locked);
+    Index add(const Tet& tet);
+    void remove(Index t);
+    void move(Index v, const Vec3& point, Index anchor) {
+        points_[at(v)] = point;
+        anchors_[at(v)] = anchor;
+    }
+
+    /// From here on changes are recorded, until `commit` or `roll_back`.
+    void begin();
+    void commit();
+    void roll_back();
+    /// As `move`, but can be rolled back, and sets the changed flag.
+    void move_recorded(Index v, const Vec3& point, Index anchor);
+    /// Tets added since `begin` that are still alive.
+    [[nodiscard]] std::vector<Index> added() const;
+
+    /// Boundary triangles at a vertex, as edges of its link. `edges` is replaced.
+    void boundary_fan(Index v, std::vector<LinkEdge>& edges) const;
+    /// Whether the boundary triangles at a vertex are one closed fan (or there are none).
+    [[nodiscard]] bool is_one_fan(Index v) const;
+
+    void reserve(std::size_t vertices, std::size_t tets);
+    /// Builds the lists of tets around vertices, after the first tets were appended.
+    void append_tet(const Tet& tet) { tets_.push_back(tet); }
+    void build_incidence();
+
+private:
+    struct Block {
+        std::uint32_t offset = 0;
+        std::uint16_t count = 0;
+        std::uint16_t capacity = 0;
+    };
+    enum class Change : std::uint8_t { Added, Removed, Moved };
+    struct Record {
+        Change change = Change::Added;
+        Index id = kNone;
+        Tet tet{};
+        Vec3 point = Vec3::Zero();
+        Index anchor = kNone;
+    };
+
+    void attach(Index v, Index t);
+    void detach(Index v, Index t);
+    void fill_slot(Index t, const Tet& tet);
+
+    Points points_;
+    std::vector<ParticleKind> kinds_;
+    std::vector<Index> anchors_;
+    std::vector<std::uint8_t> locked_;
+    std::vector<std::uint8_t> changed_;
+    std::vector<Tet> tets_;  // A removed one has kNone in front; slots aren't used again.
+    std::vector<Block> blocks_;
+    std::vector<Index> pool_;
+    std::vector<Record> journal_;
+    bool recording_ = false;
+};
+
+}  // namespace remesh::improve

@@ -1,0 +1,297 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/neighbour_grid.h"
+#include "core/geometry/particles.h"
+#include "core/geometry/sizing_field.h"
+#include "core/parallel.h"
+#include "core/run_context.h"
+#include "core/stages/relax.h"
+
+namespace remesh {
+
+/// Force between two particles at distance s = r / h_ij: pushes only, and vanishes at the cut-off.
+struct PairForce {
+    ForceLaw law = ForceLaw::Springs;
+    double cutoff = 1.0;    ///< rc, over h_ij.
+    double exponent = 2.0;  ///< p of the power law.
+    int dimension = 3;  ///< Of what the particles fill. Forces are scaled by h_ij^(dimension - 1),
+                        ///< or particles would drift from where h is small to where it is large.
+};
+
+/// Force, stiffness -df/ds and energy of a pair.
+struct PairState {
+    double force;
+    double stiffness;
+    double energy;
+};
+
+template <ForceLaw kLaw>
+[[nodiscard]] PairState pair_state(const PairForce& pair, double s) {
+    if constexpr (kLaw == ForceLaw::Springs) {
+        const double t = 1.0 - s / pair.cutoff;
+        if (pair.dimension == 2) {
+            return {t * t, 2.0 * t / pair.cutoff, pair.cutoff * t * t * t / 3.0};
+        }
+        return {t, 1.0 / pair.cutoff, 0.5 * pair.cutoff * t * t};
+    } else {
+        const double p = pair.exponent;
+        const double near = std::pow(s, -p);
+        const double far = std::pow(pair.cutoff, -p);
+        const bool is_log = std::abs(p - 1.0) < 1e-9;
+        const double energy =
+            is_log ? std::log(pair.cutoff / s) : (near * s - far * pair.cutoff) / (p - 1.0);
+        return {near - far, p * near / s, energy - far * (pair.cutoff - s)};
+    }
+}
+
+/// What a swarm of particles looked like at the end of a step.
+struct SwarmState {
+    int iterations = 0;
+    double residual = 0.0;  ///< rms step to equilibrium over h.
+    bool converged = false;
+};
+
+/// Integrates M r'' + D r' = F over the particles that move, while all others stand still.
+///
+/// Each particle gathers its own force from its list of neighbours, scaled by its own stiffness:
+/// `pull` is the step that would bring it to rest if its neighbours stood still. Time is counted in
+/// steps, mass in units of stiffness times step squared.
+///
+/// A `Bond` says what a particle is bound to:
+///   Vec3 constrain(std::size_t k, const Vec3& force)   part of the force that it can follow
+///   double max_step(std::size_t k)                     longest step that is safe, model units
+///   void moved(std::size_t k, const Vec3& step)        puts the particle where the step leads
+///   bool are_neighbours(Index i, Index j)
+template <typename Bond>
+class Swarm {
+public:
+    Swarm(Particles& particles, std::vector<Index> moving, const std::vector<Index>& present,
+          const SizingField& sizing, const RelaxOptions& options, PairForce pair, Bond& bond)
+        : particles_(particles),
+          moving_(std::move(moving)),
+          present_(present),
+          sizing_(sizing),
+          options_(options),
+          pair_(pair),
+          bond_(bond),
+          pull_(moving_.size(), Vec3::Zero()),
+          velocity_(moving_.size(), Vec3::Zero()),
+          energy_(moving_.size(), 0.0),
+          speed_(moving_.size(), 0.0) {}
+
+    /// Steps until the residual is below the tolerance, or `max_iterations` times.
+    /// Reports progress from `from` to `to`.
+    SwarmState relax(int max_iterations, double from, double to, RunContext& run) {
+        SwarmState state;
+        for (; state.iterations < max_iterations && !moving_.empty(); ++state.iterations) {
+            if (lists_.start.empty() || needs_lists()) {
+                list(run);
+            }
+            gather(run);
+            state.residual = residual();
+            if (state.residual < options_.tolerance) {
+                state.converged = true;
+                break;
+            }
+            step(run);
+            send_sample(state.residual, run);
+            run.report(from + (to - from) * (state.iterations + 1) / max_iterations);
+        }
+        state.converged = state.converged || moving_.empty();
+        run.report(to);
+        return state;
+    }
+
+private:
+    static constexpr double kSkin = 0.35;     // Of neighbour lists, over h.
+    static constexpr double kMaxStep = 0.15;  // Of one iteration, over h.
+
+    static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+    [[nodiscard]] std::size_t row(std::size_t k) const { return at(moving_[k]); }
+
+    [[nodiscard]] bool needs_lists() const {
+        const double farthest = max_over(moving_.size(), 0.0, [&](std::size_t k) {
+            const double h = particles_.h[row(k)];
+            return (particles_.position[row(k)] - listed_[k]).squaredNorm() / (h * h);
+        });
+        // A pair could approach by twice this, but hardly any does, and forces vanish at the
+        // cut-off.
+        return farthest > kSkin * kSkin;
+    }
+
+    void list(const RunContext& run) {
+        listed_.resize(moving_.size());
+        for_each_index(moving_.size(), run, [&](std::size_t k) {
+            listed_[k] = particles_.position[row(k)];
+            if (!sizing_.is_uniform()) {
+                particles_.h[row(k)] = sizing_.h(particles_.position[row(k)]);
+            }
+        });
+        const NeighbourGrid grid(particles_.position, particles_.h, present_, pair_.cutoff + kSkin);
+        lists_ = list_neighbours(grid, particles_.position, particles_.h, moving_, run,
+                                 [&](Index i, Index j) { return bond_.are_neighbours(i, j); });
+    }
+
+    void gather(const RunContext& run) {
+        if (pair_.law == ForceLaw::Springs) {
+            gather_by<ForceLaw::Springs>(run);
+        } else {
+            gather_by<ForceLaw::ChargedParticles>(run);
+        }
+    }
+
+    template <ForceLaw kLaw>
+    void gather_by(const RunContext& run) {
+        const bool is_uniform = sizing_.is_uniform();
+        for_each_index(moving_.size(), run, [&](std::size_t k) {
+            const Vec3 x = particles_.position[row(k)];
+            const double h = particles_.h[row(k)];
+            Vec3 force = Vec3::Zero();
+            double stiffness = 0.0;
+            double energy = 0.0;
+            for (std::size_t q = lists_.start[k]; q < lists_.start[k + 1]; ++q) {
+                const std::size_t j = at(lists_.index[q]);
+                const Vec3 apart = x - particles_.position[j];
+                const double squared = apart.squaredNorm();
+                const double mean_h = is_uniform ? h : 0.5 * (h + particles_.h[j]);
+                const double reach = pair_.cutoff * mean_h;
+                if (squared >= reach * reach || squared <= 0.0) {
+                    continue;
+                }
+                const double r = std::sqrt(squared);
+                const double s = r / mean_h;
+                const PairState state = pair_state<kLaw>(pair_, s);
+                double weight = 1.0;
+                for (int power = 1; power < pair_.dimension && !is_uniform; ++power) {
+                    weight *= mean_h / h;
+                }
+                force += (weight * state.force / r) * apart;
+                // Mean over the directions: along the pair k, across it f / s.
+                stiffness += weight * (state.stiffness + 2.0 * state.force / s) / 3.0;
+                energy += 0.5 * weight * state.energy;
+            }
+            pull_[k] = stiffness > 0.0 ? Vec3((h / stiffness) * bond_.constrain(k, force))
+                                       : Vec3(Vec3::Zero());
+            energy_[k] = energy;
+        });
+    }
+
+    [[nodiscard]] double residual() const {
+        const double sum = sum_over(moving_.size(), [&](std::size_t k) {
+            const double h = particles_.h[row(k)];
+            return pull_[k].squaredNorm() / (h * h);
+        });
+        return std::sqrt(sum / static_cast<double>(moving_.size()));
+    }
+
+    void step(const RunContext& run) {
+        switch (options_.integrator) {
+            case Integrator::DampedDynamics: {
+                // Semi-implicit in the damping, so that any damping is stable.
+                const double drag = 2.0 * options_.damping / std::sqrt(options_.mass);
+                move(run, 1.0, [&](std::size_t k) {
+                    return Vec3((velocity_[k] + pull_[k] / options_.mass) / (1.0 + drag));
+                });
+                break;
+            }
+            case Integrator::GradientDescent:
+                // All at once: half the step that would bring each to rest alone.
+                move(run, 1.0, [&](std::size_t k) { return Vec3(0.5 * pull_[k]); });
+                break;
+            case Integrator::Fire: step_fire(run); break;
+        }
+    }
+
+    // Bitzek et al., Structural Relaxation Made Simple, 2006, with their constants but for the time
+    // step, which the scaling by stiffness makes about 1.
+    void step_fire(const RunContext& run) {
+        const double power =
+            sum_over(moving_.size(), [&](std::size_t k) { return pull_[k].dot(velocity_[k]); });
+        double mixing = 0.0;
+        if (power > 0.0) {
+            const double v =
+                sum_over(moving_.size(), [&](std::size_t k) { return velocity_[k].squaredNorm(); });
+            const double f =
+                sum_over(moving_.size(), [&](std::size_t k) { return pull_[k].squaredNorm(); });
+            mixing = fire_.alpha * std::sqrt(v / std::max(f, 1e-300));
+            if (++fire_.downhill > 5) {
+                fire_.time_step = std::min(1.1 * fire_.time_step, 0.9);
+                fire_.next_alpha *= 0.99;
+            }
+        } else {
+            fire_.downhill = 0;
+            fire_.time_step = std::max(0.5 * fire_.time_step, 0.1);
+            fire_.next_alpha = 0.1;
+        }
+        const double keep = power > 0.0 ? 1.0 - fire_.alpha : 0.0;
+        const double dt = fire_.time_step;
+        move(run, dt,
+             [&](std::size_t k) { return Vec3(keep * velocity_[k] + (mixing + dt) * pull_[k]); });
+        fire_.alpha = fire_.next_alpha;
+    }
+
+    template <typename Velocity>
+    void move(const RunContext& run, double time_step, Velocity velocity) {
+        time_ += time_step;
+        for_each_index(moving_.size(), run, [&](std::size_t k) {
+            velocity_[k] = velocity(k);
+            Vec3 step = time_step * velocity_[k];
+            const double length = step.norm();
+            const double limit = std::min(kMaxStep * particles_.h[row(k)], bond_.max_step(k));
+            if (length > limit) {
+                step *= limit / length;
+                velocity_[k] = step / time_step;
+            }
+            speed_[k] = step.norm() / particles_.h[row(k)];
+            bond_.moved(k, step);
+        });
+    }
+
+    void send_sample(double residual, RunContext& run) const {
+        const std::size_t n = moving_.size();
+        const auto count = static_cast<double>(n);
+        const double squared_speed =
+            sum_over(n, [&](std::size_t k) { return speed_[k] * speed_[k]; });
+        ConvergenceSample sample;
+        sample.simulated_time = time_;
+        sample.kinetic_energy = 0.5 * options_.mass * squared_speed / count;
+        sample.potential_energy = sum_over(n, [&](std::size_t k) { return energy_[k]; }) / count;
+        sample.max_displacement = max_over(n, 0.0, [&](std::size_t k) { return speed_[k]; });
+        sample.rms_displacement = std::sqrt(squared_speed / count);
+        sample.residual_force = residual;
+        sample.particles = static_cast<std::int64_t>(particles_.size());
+        sample.surface_particles = bond_.surface_particles();
+        run.sample(sample);
+    }
+
+    struct Fire {
+        double time_step = 0.25;
+        double alpha = 0.1;
+        double next_alpha = 0.1;
+        int downhill = 0;
+    };
+
+    Particles& particles_;
+    std::vector<Index> moving_;
+    const std::vector<Index>& present_;  // All that push: those that move and those that don't.
+    const SizingField& sizing_;
+    const RelaxOptions& options_;
+    PairForce pair_;
+    Bond& bond_;
+    Points pull_;
+    Points velocity_;
+    std::vector<double> energy_;
+    std::vector<double> speed_;  // Length of the last step over h.
+    NeighbourLists lists_{};
+    Points listed_{};  // Positions when the lists were made.
+    Fire fire_{};
+    double time_ = 0.0;
+};
+
+}  // namespace remesh

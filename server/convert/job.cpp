@@ -1,0 +1,394 @@
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <utility>
+
+#include "server/convert.h"
+#include "server/store/digest.h"
+#include "server/version.h"
+
+namespace remesh {
+namespace {
+
+constexpr std::array<std::pair<MeshFormat, v1::Format>, 11> kFormats{{
+    {MeshFormat::Stl, v1::FORMAT_STL},
+    {MeshFormat::Ply, v1::FORMAT_PLY},
+    {MeshFormat::Off, v1::FORMAT_OFF},
+    {MeshFormat::Obj, v1::FORMAT_OBJ},
+    {MeshFormat::Vtp, v1::FORMAT_VTP},
+    {MeshFormat::Vtk, v1::FORMAT_VTK},
+    {MeshFormat::Gifti, v1::FORMAT_GIFTI},
+    {MeshFormat::Vtu, v1::FORMAT_VTU},
+    {MeshFormat::Medit, v1::FORMAT_MEDIT},
+    {MeshFormat::Msh41, v1::FORMAT_MSH41},
+    {MeshFormat::Msh22, v1::FORMAT_MSH22},
+}};
+
+std::optional<MeshFormat> to_core(v1::Format format) {
+    const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
+                                     [&](const auto& pair) { return pair.second == format; });
+    return found == kFormats.end() ? std::nullopt : std::optional(found->first);
+}
+
+v1::Job::State to_proto(JobState state) {
+    switch (state) {
+        case JobState::Queued: return v1::Job::STATE_QUEUED;
+        case JobState::Running: return v1::Job::STATE_RUNNING;
+        case JobState::Cancelling: return v1::Job::STATE_CANCELLING;
+        case JobState::Succeeded: return v1::Job::STATE_SUCCEEDED;
+        case JobState::Failed: return v1::Job::STATE_FAILED;
+        case JobState::Cancelled: return v1::Job::STATE_CANCELLED;
+        case JobState::Quarantined: return v1::Job::STATE_QUARANTINED;
+    }
+    return v1::Job::STATE_UNSPECIFIED;
+}
+
+v1::Output::Kind to_proto(OutputKind kind) {
+    switch (kind) {
+        case OutputKind::Surface: return v1::Output::KIND_SURFACE;
+        case OutputKind::Tetrahedra: return v1::Output::KIND_TETRAHEDRA;
+        case OutputKind::Report: return v1::Output::KIND_REPORT;
+        case OutputKind::Preview: return v1::Output::KIND_PREVIEW;
+    }
+    return v1::Output::KIND_UNSPECIFIED;
+}
+
+v1::Digest to_proto(const ArtifactId& artifact) {
+    v1::Digest digest;
+    digest.set_sha256(artifact.sha256);
+    digest.set_size_bytes(artifact.size);
+    return digest;
+}
+
+v1::Progress to_proto(const Progress& from) {
+    v1::Progress to;
+    to.set_stage(to_proto(from.stage));
+    to.set_stage_fraction(from.stage_fraction);
+    to.set_fraction(from.run_fraction);
+    return to;
+}
+
+void write(const QualitySample& from, v1::QualitySample* to) {
+    to->set_mean(from.mean);
+    to->set_first_percentile(from.first_percentile);
+    to->mutable_histogram()->set_low(0.0);
+    to->mutable_histogram()->set_high(1.0);
+    to->mutable_histogram()->mutable_counts()->Assign(from.histogram.begin(), from.histogram.end());
+}
+
+void write(const Progress& from, v1::JobEvent& to) {
+    *to.mutable_progress() = to_proto(from);
+}
+
+void write(const ConvergenceSample& from, v1::JobEvent& event) {
+    auto* to = event.mutable_sample();
+    to->set_stage(to_proto(from.stage));
+    to->set_iteration(from.iteration);
+    to->set_simulated_time(from.simulated_time);
+    to->set_kinetic_energy(from.kinetic_energy);
+    to->set_potential_energy(from.potential_energy);
+    to->set_max_displacement(from.max_displacement);
+    to->set_rms_displacement(from.rms_displacement);
+    to->set_residual_force(from.residual_force);
+    to->set_particles(from.particles);
+    to->set_surface_particles(from.surface_particles);
+    to->set_inserted(from.inserted);
+    to->set_removed(from.removed);
+    if (from.quality) {
+        write(*from.quality, to->mutable_quality());
+    }
+    if (from.max_deviation) {
+        to->set_max_deviation(*from.max_deviation);
+    }
+}
+
+void write(const Warning& from, v1::JobEvent& event) {
+    auto* to = event.mutable_warning();
+    to->set_code(from.code);
+    to->set_message(from.message);
+    if (from.at) {
+        to->mutable_at()->Assign(from.at->begin(), from.at->end());
+    }
+}
+
+void write(const StoredPreview& from, v1::JobEvent& event) {
+    *event.mutable_preview()->mutable_digest() = to_proto(from.artifact);
+    event.mutable_preview()->set_iteration(from.iteration);
+}
+
+/// Only the last part of a path, whichever system it comes from.
+std::string last_part(const std::string& path) {
+    return path.substr(path.find_last_of("/\\") + 1);
+}
+
+v1::JobSpec parse_spec(std::string_view bytes) {
+    v1::JobSpec spec;
+    if (!spec.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
+        throw StoreError("store: a job's spec can't be read");
+    }
+    return spec;
+}
+
+bool is_id(std::string_view text) {
+    return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
+    });
+}
+
+[[noreturn]] void refuse(const std::string& field, const std::string& message) {
+    throw JobError({FieldProblem{field, field + " " + message}});
+}
+
+/// What proto's types allow but a spec doesn't.
+std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
+    std::vector<FieldProblem> problems;
+    const auto add = [&](const std::string& field, const std::string& rule) {
+        problems.push_back({field, field + " " + rule});
+    };
+    if (!is_sha256(spec.input().digest().sha256())) {
+        add("spec.input.digest.sha256", "must be 64 lower-case hexadecimal digits");
+    }
+    if (spec.input().file_name().size() > 255) {
+        add("spec.input.file_name",
+            "must have at most 255 bytes, got " + std::to_string(spec.input().file_name().size()));
+    }
+    if (spec.input().format() != v1::FORMAT_UNSPECIFIED && !to_core(spec.input().format())) {
+        add("spec.input.format",
+            "must be a known format, got " + std::to_string(spec.input().format()));
+    }
+    if (spec.outputs().empty() || spec.outputs_size() > 16) {
+        add("spec.outputs", "must be 1 to 16, got " + std::to_string(spec.outputs_size()));
+    }
+    for (int i = 0; i < spec.outputs_size(); ++i) {
+        if (!to_core(spec.outputs(i).format())) {
+            add("spec.outputs[" + std::to_string(i) + "].format",
+                "must be a known format, got " + std::to_string(spec.outputs(i).format()));
+        }
+    }
+    if (spec.priority() < -100 || spec.priority() > 100) {
+        add("spec.priority", "must be in [-100, 100], got " + std::to_string(spec.priority()));
+    }
+    if (spec.has_timeout() && spec.timeout().seconds() < 1) {
+        add("spec.timeout",
+            "must be at least 1 s, got " + std::to_string(spec.timeout().seconds()) + " s");
+    }
+    if (spec.labels_size() > 16) {
+        add("spec.labels", "must be at most 16, got " + std::to_string(spec.labels_size()));
+    }
+    for (const auto& [key, value] : spec.labels()) {
+        if (key.size() > 64 || value.size() > 256) {
+            add("spec.labels", "must have keys of at most 64 bytes and values of at most 256");
+        }
+    }
+    return problems;
+}
+
+}  // namespace
+
+JobKey job_key_of(const std::string& name) {
+    const std::string_view text = name;
+    const auto jobs = text.find("/jobs/");
+    if (text.starts_with("tenants/") && jobs != std::string_view::npos) {
+        const auto tenant = text.substr(8, jobs - 8);
+        const auto id = text.substr(jobs + 6);
+        if (is_id(tenant) && is_id(id)) {
+            return {std::string(tenant), std::string(id)};
+        }
+    }
+    refuse("name", "must be \"tenants/{tenant}/jobs/{job}\"");
+}
+
+std::string tenant_of(const std::string& parent) {
+    if (parent.empty()) {
+        return std::string(kDefaultTenant);
+    }
+    if (!parent.starts_with("tenants/") || !is_id(std::string_view(parent).substr(8))) {
+        refuse("parent", "must be \"tenants/{tenant}\" or empty");
+    }
+    return parent.substr(8);
+}
+
+std::string job_name(const JobKey& key) {
+    return "tenants/" + key.tenant + "/jobs/" + key.id;
+}
+
+std::int64_t revision_of(const std::string& etag) {
+    std::int64_t revision = 0;
+    const auto [end, error] = std::from_chars(etag.data(), etag.data() + etag.size(), revision);
+    if (error != std::errc{} || end != etag.data() + etag.size()) {
+        refuse("etag", "must be one that the server gave");
+    }
+    return revision;
+}
+
+std::string canonical_spec(const v1::JobSpec& spec) {
+    if (auto problems = problems_of(spec); !problems.empty()) {
+        throw JobError(std::move(problems));
+    }
+    v1::JobSpec canonical = spec;
+    canonical.mutable_input()->set_file_name(last_part(spec.input().file_name()));
+    canonical.DiscardUnknownFields();
+    std::string bytes;
+    {
+        google::protobuf::io::StringOutputStream stream(&bytes);
+        google::protobuf::io::CodedOutputStream coded(&stream);
+        coded.SetSerializationDeterministic(true);  // labels are a map
+        canonical.SerializeToCodedStream(&coded);
+    }
+    return bytes;
+}
+
+JobRequest to_core(const v1::JobSpec& spec) {
+    JobRequest request;
+    request.input = {spec.input().digest().sha256(), spec.input().digest().size_bytes()};
+    request.input_format = to_core(spec.input().format());
+    request.file_name = spec.input().file_name();
+    request.options = to_core(spec.options());
+    for (const v1::OutputRequest& output : spec.outputs()) {
+        OutputRequest to{to_core(output.format()).value_or(MeshFormat::Stl)};
+        to.content = output.content() == v1::OutputRequest::CONTENT_SURFACE ? OutputContent::Surface
+                     : output.content() == v1::OutputRequest::CONTENT_TETRAHEDRA
+                         ? OutputContent::Tetrahedra
+                         : OutputContent::Automatic;
+        request.outputs.push_back(to);
+    }
+    request.priority = spec.priority();
+    if (spec.has_timeout()) {
+        request.timeout = std::chrono::seconds(spec.timeout().seconds());
+    }
+    return request;
+}
+
+JobState to_core(v1::Job::State state) {
+    switch (state) {
+        case v1::Job::STATE_QUEUED: return JobState::Queued;
+        case v1::Job::STATE_RUNNING: return JobState::Running;
+        case v1::Job::STATE_CANCELLING: return JobState::Cancelling;
+        case v1::Job::STATE_SUCCEEDED: return JobState::Succeeded;
+        case v1::Job::STATE_FAILED: return JobState::Failed;
+        case v1::Job::STATE_CANCELLED: return JobState::Cancelled;
+        case v1::Job::STATE_QUARANTINED: return JobState::Quarantined;
+        default: refuse("states", "must be known states, got " + std::to_string(state));
+    }
+}
+
+v1::Job to_proto(const JobView& view) {
+    const JobRecord& from = view.job;
+    v1::Job to;
+    if (!from.key.id.empty()) {
+        to.set_name(job_name(from.key));
+        to.set_etag(std::to_string(from.revision));
+        to.set_state(to_proto(from.state));
+        *to.mutable_create_time() = to_proto(from.create_time);
+    }
+    *to.mutable_spec() = parse_spec(from.spec);
+    to.set_attempt(from.attempt);
+    to.set_max_attempts(from.max_attempts);
+    to.set_queue_position(static_cast<std::int32_t>(view.queue_position));
+    if (from.state != JobState::Queued) {
+        *to.mutable_progress() = to_proto(view.progress);
+    }
+    if (from.start_time) {
+        *to.mutable_start_time() = to_proto(*from.start_time);
+    }
+    if (from.end_time) {
+        *to.mutable_end_time() = to_proto(*from.end_time);
+    }
+    if (from.state == JobState::Succeeded) {
+        to.mutable_result()->ParseFromString(from.outcome);
+    } else if (from.state == JobState::Failed || from.state == JobState::Quarantined) {
+        to.mutable_failure()->ParseFromString(from.outcome);
+        to.mutable_progress()->set_stage(to.failure().stage());
+    }
+    to.set_last_sequence(from.last_sequence);
+    return to;
+}
+
+v1::JobEvent to_proto(const StoredEvent& event, const JobView& job) {
+    v1::JobEvent to;
+    if (event.kind == EventKind::State) {
+        JobView then = job;
+        then.job.state = event.state;
+        then.job.attempt = event.attempt;
+        then.job.last_sequence = event.sequence;
+        if (event.state == JobState::Running) {
+            then.job.start_time = event.time;
+        }
+        if (!is_terminal(event.state)) {
+            then.job.end_time.reset();
+            then.progress = event.state == JobState::Running ? Progress{} : then.progress;
+        }
+        *(is_terminal(event.state) ? to.mutable_completed() : to.mutable_snapshot()) =
+            to_proto(then);
+    } else {
+        to.ParseFromString(event.payload);
+    }
+    to.set_sequence(event.sequence);
+    *to.mutable_time() = to_proto(event.time);
+    return to;
+}
+
+v1::Format to_proto(MeshFormat format) {
+    const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
+                                     [&](const auto& pair) { return pair.first == format; });
+    return found == kFormats.end() ? v1::FORMAT_UNSPECIFIED : found->second;
+}
+
+v1::Stage to_proto(Stage stage) {
+    // Both count the steps in order; proto's zero means none.
+    static_assert(v1::STAGE_READ == 1 && v1::STAGE_WRITE == kStageCount);
+    return static_cast<v1::Stage>(static_cast<int>(stage) + 1);
+}
+
+google::protobuf::Timestamp to_proto(Time time) {
+    const auto micros = time.time_since_epoch().count();
+    google::protobuf::Timestamp to;
+    to.set_seconds(micros / 1'000'000);
+    to.set_nanos(static_cast<std::int32_t>(micros % 1'000'000) * 1'000);
+    return to;
+}
+
+JobRequest ProtoCodec::decode_spec(std::string_view spec) const {
+    return to_core(parse_spec(spec));
+}
+
+std::string ProtoCodec::encode_event(const JobEventBody& event) const {
+    v1::JobEvent to;
+    std::visit([&](const auto& body) { write(body, to); }, event);
+    return to.SerializeAsString();
+}
+
+std::string ProtoCodec::encode_result(std::string_view spec, const JobResult& result) const {
+    const v1::JobSpec asked = parse_spec(spec);
+    v1::Result to;
+    for (const JobOutput& output : result.outputs) {
+        auto* file = to.add_outputs();
+        file->set_kind(to_proto(output.kind));
+        if (output.format) {
+            file->set_format(to_proto(*output.format));
+        }
+        *file->mutable_digest() = to_proto(output.artifact);
+        file->set_file_name(output.file_name);
+    }
+    *to.mutable_quality() = to_proto(result.report);
+    auto* provenance = to.mutable_provenance();
+    provenance->set_engine_version(kVersion);
+    *provenance->mutable_options() = to_proto(result.options);
+    *provenance->mutable_input() = asked.input().digest();
+    *provenance->mutable_frame() = asked.input().frame();
+    return to.SerializeAsString();
+}
+
+std::string ProtoCodec::encode_failure(const JobFailure& failure) const {
+    v1::Failure to;
+    to.set_reason(failure.reason);
+    to.set_message(failure.message);
+    to.set_retryable(failure.retryable);
+    to.set_stage(to_proto(failure.stage));
+    return to.SerializeAsString();
+}
+
+}  // namespace remesh

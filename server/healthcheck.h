@@ -1,0 +1,10 @@
+#pragma once
+
+#include <string>
+
+namespace remesh {
+
+/// Asks a server's gRPC health service. \return whether it says SERVING within three seconds
+[[nodiscard]] bool is_serving(const std::string& address);
+
+}  // namespace remesh

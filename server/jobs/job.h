@@ -1,0 +1,108 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "core/io/mesh_io.h"
+#include "core/pipeline.h"
+#include "core/run_context.h"
+#include "server/store/job_store.h"
+
+namespace remesh {
+
+enum class OutputContent {
+    Automatic,  ///< Tets if the format can hold them and the job makes them, else the surface.
+    Surface,
+    Tetrahedra,
+};
+
+struct OutputRequest {
+    MeshFormat format = MeshFormat::Stl;
+    OutputContent content = OutputContent::Automatic;
+};
+
+/// What a client asked for, as far as a worker needs to know.
+struct JobRequest {
+    ArtifactId input{};
+    std::optional<MeshFormat> input_format{};  ///< Absent: found from the content and the name.
+    std::string file_name{};                   ///< Last part of a path, may be empty.
+    RemeshOptions options{};
+    std::vector<OutputRequest> outputs{};
+    int priority = 0;                               ///< In [-100, 100].
+    std::optional<std::chrono::seconds> timeout{};  ///< Absent: the server's limit.
+};
+
+enum class OutputKind { Surface, Tetrahedra, Report, Preview };
+
+/// One file of a result.
+struct JobOutput {
+    OutputKind kind = OutputKind::Surface;
+    std::optional<MeshFormat> format{};  ///< Absent for the report.
+    ArtifactId artifact{};
+    std::string file_name{};
+};
+
+struct JobResult {
+    std::vector<JobOutput> outputs{};
+    QualityReport report{};
+    RemeshOptions options{};  ///< With everything that was chosen filled in.
+};
+
+/// Why an attempt ended without a result.
+struct JobFailure {
+    std::string reason{};   ///< Stable UPPER_SNAKE_CASE.
+    std::string message{};  ///< A sentence.
+    bool retryable = false;
+    Stage stage = Stage::Read;
+};
+
+/// A preview that can be downloaded.
+struct StoredPreview {
+    ArtifactId artifact{};
+    int iteration = 0;
+};
+
+using JobEventBody = std::variant<Progress, ConvergenceSample, Warning, StoredPreview>;
+
+/// One field of a request that is out of its range.
+struct FieldProblem {
+    std::string field{};  ///< As the engine calls it, e.g. "relax.damping".
+    std::string message{};
+};
+
+enum class JobErrorCode {
+    NotFound,
+    BadRequest,
+    MissingInput,
+    RequestIdReused,
+    LimitPassed,
+    NotTerminal,
+    Changed,  ///< The caller's idea of the job is out of date.
+    ShuttingDown,
+};
+
+/// Why the registry refuses a call.
+class JobError : public std::runtime_error {
+public:
+    JobError(JobErrorCode code, const std::string& message, std::string subject = {})
+        : std::runtime_error(message), code_(code), subject_(std::move(subject)) {}
+    explicit JobError(std::vector<FieldProblem> problems);
+
+    [[nodiscard]] JobErrorCode code() const noexcept { return code_; }
+    /// What it is about: a job, a digest.
+    [[nodiscard]] const std::string& subject() const noexcept { return subject_; }
+    /// Of a BadRequest.
+    [[nodiscard]] const std::vector<FieldProblem>& problems() const noexcept { return problems_; }
+
+private:
+    JobErrorCode code_;
+    std::string subject_;
+    std::vector<FieldProblem> problems_;
+};
+
+}  // namespace remesh

@@ -1,0 +1,127 @@
+#include "server/jobs/remesh_engine.h"
+
+#include <algorithm>
+#include <functional>
+#include <ostream>
+
+#include "core/error.h"
+#include "core/mesh/preview.h"
+
+namespace remesh {
+namespace {
+
+/// The problem in a validation's sentence, whose first word is the field.
+void collect(std::vector<FieldProblem>& problems, const std::function<void()>& validation) {
+    try {
+        validation();
+    } catch (const Error& error) {
+        const std::string message = error.what();
+        const std::string field = message.substr(0, message.find(' '));
+        const bool is_known = std::any_of(problems.begin(), problems.end(),
+                                          [&](const auto& other) { return other.field == field; });
+        if (!is_known) {
+            problems.push_back({field, message});
+        }
+    }
+}
+
+bool wants_tets(const OutputRequest& output, const RemeshOptions& options) {
+    switch (output.content) {
+        case OutputContent::Surface: return false;
+        case OutputContent::Tetrahedra: return true;
+        case OutputContent::Automatic: break;
+    }
+    return options.tetrahedra && can_write_tets(output.format);
+}
+
+void check_output(std::vector<FieldProblem>& problems, const OutputRequest& output,
+                  const RemeshOptions& options, std::size_t index) {
+    const std::string field = "outputs[" + std::to_string(index) + "]";
+    const std::string name(format_name(output.format));
+    if (wants_tets(output, options)) {
+        if (!options.tetrahedra) {
+            problems.push_back({field + ".content",
+                                field + ".content must not be TETRAHEDRA for a surface-only job"});
+        } else if (!can_write_tets(output.format)) {
+            problems.push_back({field + ".format",
+                                field + ".format must be one that holds tetrahedra, got " + name});
+        }
+    } else if (!can_write_surface(output.format)) {
+        problems.push_back(
+            {field + ".format", field + ".format must be one that holds a surface, got " + name});
+    }
+}
+
+/// "aorta" for "aorta.stl.gz".
+std::string stem_of(const std::string& file_name) {
+    std::string stem =
+        file_name.ends_with(".gz") ? file_name.substr(0, file_name.size() - 3) : file_name;
+    if (format_of_name(stem)) {
+        stem.resize(stem.rfind('.'));
+    }
+    return stem.empty() ? "result" : stem;
+}
+
+}  // namespace
+
+std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
+    std::vector<FieldProblem> problems;
+    const RemeshOptions& options = request.options;
+    // Each stage names its first problem, so that one answer tells more than one.
+    collect(problems, [&] { validate(options); });
+    collect(problems, [&] { validate(options.prepare); });
+    collect(problems, [&] { validate(options.features); });
+    collect(problems, [&] { validate(options.seed); });
+    collect(problems, [&] { validate(options.relax); });
+    collect(problems, [&] { validate(options.carve); });
+    collect(problems, [&] { validate(options.improve); });
+    for (std::size_t i = 0; i < request.outputs.size(); ++i) {
+        check_output(problems, request.outputs[i], options, i);
+    }
+    return problems;
+}
+
+JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, RunContext& run,
+                            OutputSink& outputs) const {
+    run.enter(Stage::Read);
+    const std::string hint = request.input_format
+                                 ? std::string(format_extension(*request.input_format))
+                                 : request.file_name;
+    ReadResult read = read_surface(input, hint);
+    for (std::string& warning : read.warnings) {
+        run.warn({"INPUT_FILE", std::move(warning), std::nullopt});
+    }
+    RemeshResult mesh = run_pipeline(read.mesh, request.options, run);
+
+    run.enter(Stage::Write);
+    JobResult result;
+    result.options = request.options;
+    result.options.edge_length = mesh.edge_length;
+    const std::string stem = stem_of(request.file_name);
+    for (const OutputRequest& wanted : request.outputs) {
+        const bool is_tets = wants_tets(wanted, request.options);
+        const ArtifactId artifact = outputs.add([&](std::ostream& out) {
+            is_tets ? write_tets(mesh.tets, wanted.format, out)
+                    : write_surface(mesh.surface, wanted.format, out);
+        });
+        result.outputs.push_back({is_tets ? OutputKind::Tetrahedra : OutputKind::Surface,
+                                  wanted.format, artifact,
+                                  stem + std::string(format_extension(wanted.format))});
+        run.report(static_cast<double>(result.outputs.size()) /
+                   static_cast<double>(request.outputs.size() + 2));
+    }
+    const auto report = outputs.add([&](std::ostream& out) { out << to_json(mesh.report); });
+    result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
+    const auto preview =
+        outputs.add([&](std::ostream& out) { write_preview(decimate(mesh.surface), out); });
+    result.outputs.push_back({OutputKind::Preview, MeshFormat::Ply, preview, "preview.ply"});
+    run.report(1.0);
+    result.report = std::move(mesh.report);
+    return result;
+}
+
+void RemeshEngine::write_preview(const SurfaceMesh& surface, std::ostream& out) const {
+    write_surface(surface, MeshFormat::Ply, out);
+}
+
+}  // namespace remesh

@@ -1,0 +1,225 @@
+#include "server/jobs/worker_pool.h"
+
+#include <spdlog/spdlog.h>
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <exception>
+#include <ostream>
+#include <streambuf>
+#include <utility>
+
+#include "core/error.h"
+
+namespace remesh {
+namespace {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+// Least time between two events of a kind; a new stage and a measured quality always pass.
+constexpr std::chrono::milliseconds kProgressInterval{100};
+constexpr std::chrono::milliseconds kSampleInterval{50};
+
+class DraftBuffer final : public std::streambuf {
+public:
+    explicit DraftBuffer(ArtifactDraft& draft) : draft_(draft), buffer_(std::size_t{1} << 18U) {
+        setp(buffer_.data(), buffer_.data() + buffer_.size());
+    }
+
+protected:
+    int_type overflow(int_type c) override {
+        sync();
+        if (!traits_type::eq_int_type(c, traits_type::eof())) {
+            sputc(traits_type::to_char_type(c));
+        }
+        return traits_type::not_eof(c);
+    }
+    int sync() override {
+        draft_.write({pbase(), static_cast<std::size_t>(pptr() - pbase())});
+        setp(buffer_.data(), buffer_.data() + buffer_.size());
+        return 0;
+    }
+
+private:
+    ArtifactDraft& draft_;
+    std::vector<char> buffer_;
+};
+
+ArtifactDraft write_draft(ArtifactStore& artifacts, const std::string& tenant,
+                          const OutputSink::Writer& write) {
+    ArtifactDraft draft = artifacts.draft(tenant);
+    DraftBuffer buffer(draft);
+    std::ostream out(&buffer);
+    out.exceptions(std::ios::badbit | std::ios::failbit);
+    write(out);
+    out.flush();
+    return draft;
+}
+
+/// Keeps an attempt's files until it succeeds.
+class DraftSink final : public OutputSink {
+public:
+    DraftSink(ArtifactStore& artifacts, std::string tenant)
+        : artifacts_(artifacts), tenant_(std::move(tenant)) {}
+
+    ArtifactId add(const Writer& write) override {
+        drafts_.push_back(write_draft(artifacts_, tenant_, write));
+        return drafts_.back().finish();
+    }
+
+    [[nodiscard]] std::vector<ArtifactDraft> take() { return std::move(drafts_); }
+
+private:
+    ArtifactStore& artifacts_;
+    std::string tenant_;
+    std::vector<ArtifactDraft> drafts_;
+};
+
+/// What a run tells, thinned out, on its way to the watchers.
+class EventRelay {
+public:
+    EventRelay(Lease& lease, ArtifactStore& artifacts, const Engine& engine)
+        : lease_(lease), artifacts_(artifacts), engine_(engine) {}
+
+    void operator()(const RunEvent& event) {
+        std::visit([this](const auto& body) { tell(body); }, event);
+    }
+
+private:
+    void tell(const Progress& progress) {
+        if (progress.stage != stage_ || is_due(last_progress_, kProgressInterval)) {
+            stage_ = progress.stage;
+            last_progress_ = std::chrono::steady_clock::now();
+            lease_.publish(progress);
+        }
+    }
+    void tell(const ConvergenceSample& sample) {
+        if (sample.quality || is_due(last_sample_, kSampleInterval)) {
+            last_sample_ = std::chrono::steady_clock::now();
+            lease_.publish(sample);
+        }
+    }
+    void tell(const Warning& warning) { lease_.publish(warning); }
+    void tell(const Preview& preview) {
+        lease_.publish_preview(
+            write_draft(artifacts_, lease_.job().key.tenant,
+                        [&](std::ostream& out) { engine_.write_preview(preview.surface, out); }),
+            preview.iteration);
+    }
+
+    static bool is_due(SteadyTime last, std::chrono::milliseconds interval) {
+        return std::chrono::steady_clock::now() - last >= interval;
+    }
+
+    Lease& lease_;
+    ArtifactStore& artifacts_;
+    const Engine& engine_;
+    Stage stage_ = Stage::Read;
+    SteadyTime last_progress_{};
+    SteadyTime last_sample_{};
+};
+
+const char* reason_of(ErrorCode code) {
+    switch (code) {
+        case ErrorCode::InvalidInput: return "INVALID_INPUT";
+        case ErrorCode::Unsupported: return "UNSUPPORTED";
+        case ErrorCode::Unmeshable: return "UNMESHABLE";
+        case ErrorCode::TooLarge: return "TOO_LARGE";
+        case ErrorCode::Cancelled: return "CANCELLED";
+        case ErrorCode::Internal: return "INTERNAL";
+    }
+    return "INTERNAL";
+}
+
+const char* name_of(std::optional<JobState> state) {
+    if (!state) {
+        return "void";
+    }
+    switch (*state) {
+        case JobState::Queued: return "queued";
+        case JobState::Running: return "running";
+        case JobState::Cancelling: return "cancelling";
+        case JobState::Succeeded: return "succeeded";
+        case JobState::Failed: return "failed";
+        case JobState::Cancelled: return "cancelled";
+        case JobState::Quarantined: return "quarantined";
+    }
+    return "unknown";
+}
+
+struct Ending {
+    std::optional<JobState> state{};
+    const char* reason = "OK";
+};
+
+/// The one place where exceptions become an attempt's verdict.
+Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec,
+                   const Engine& engine, tbb::task_arena& arena) {
+    const JobRecord& job = lease.job();
+    RunContext run(lease.stop_token(), EventRelay(lease, artifacts, engine));
+    try {
+        run.checkpoint();
+        const JobRequest request = codec.decode_spec(job.spec);
+        const ArtifactView input = artifacts.open(job.key.tenant, request.input);
+        DraftSink sink(artifacts, job.key.tenant);
+        JobResult result;
+        arena.execute([&] { result = engine.run(request, input.bytes(), run, sink); });
+        return {lease.succeed(result, sink.take())};
+    } catch (const Error& error) {
+        const char* reason = reason_of(error.code());
+        if (error.code() == ErrorCode::Cancelled) {
+            return {lease.stopped(run.stage()), reason};
+        }
+        const bool is_retryable = error.code() == ErrorCode::Internal;
+        return {lease.fail({reason, error.what(), is_retryable, run.stage()}), reason};
+    } catch (const StoreError&) {
+        return {lease.fail({"INTERNAL", "The server's disk didn't take the job's files.", true,
+                            run.stage()}),
+                "STORE"};
+    } catch (const std::bad_alloc&) {
+        return {
+            lease.fail({"TOO_LARGE", "There isn't enough memory for this job.", true, run.stage()}),
+            "TOO_LARGE"};
+    } catch (const std::exception&) {
+        // What a library says may quote file names or data: it goes nowhere.
+        return {lease.fail({"INTERNAL",
+                            "The engine failed in stage " + std::string(stage_name(run.stage())) +
+                                "; this is a defect.",
+                            true, run.stage()}),
+                "INTERNAL"};
+    }
+}
+
+void work(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
+          const Engine& engine, int threads, const std::stop_token& stop) {
+    tbb::task_arena arena(threads);
+    while (const auto lease = registry.claim(stop)) {
+        const std::string& id = lease->job().key.id;
+        const int attempt = lease->job().attempt;
+        const auto start = std::chrono::steady_clock::now();
+        spdlog::info("event=job_started job={} attempt={}", id, attempt);
+        Ending ending{std::nullopt, "STORE"};
+        try {
+            ending = run_attempt(*lease, artifacts, codec, engine, arena);
+        } catch (const std::exception& error) {
+            spdlog::error("event=store_failed job={} attempt={} message=\"{}\"", id, attempt,
+                          error.what());
+        }
+        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+        spdlog::info("event=job_ended job={} attempt={} state={} reason={} seconds={:.3f}", id,
+                     attempt, name_of(ending.state), ending.reason, seconds.count());
+    }
+}
+
+}  // namespace
+
+WorkerPool::WorkerPool(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
+                       const Engine& engine, const WorkerOptions& options) {
+    for (int i = 0; i < options.workers; ++i) {
+        threads_.emplace_back([&, threads = options.threads](const std::stop_token& stop) {
+            work(registry, artifacts, codec, engine, threads, stop);
+        });
+    }
+}
+
+}  // namespace remesh

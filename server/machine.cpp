@@ -1,0 +1,36 @@
+#include "server/machine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+namespace remesh {
+
+int processors_of_quota(const std::string& cpu_max) {
+    std::istringstream in(cpu_max);
+    double quota = 0.0;
+    double period = 0.0;
+    if (!(in >> quota >> period) || quota <= 0.0 || period <= 0.0) {
+        return 0;
+    }
+    return static_cast<int>(std::ceil(quota / period));
+}
+
+int available_processors() {
+    const int machine = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    std::ifstream file("/sys/fs/cgroup/cpu.max");
+    std::string line;
+    std::getline(file, line);
+    const int quota = processors_of_quota(line);
+    return quota > 0 ? std::min(quota, machine) : machine;
+}
+
+bool is_loopback(const std::string& address) {
+    const std::string host = address.substr(0, address.rfind(':'));
+    return address.starts_with("unix:") || host.starts_with("127.") || host == "localhost" ||
+           host == "[::1]";
+}
+
+}  // namespace remesh

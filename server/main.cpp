@@ -1,0 +1,169 @@
+#include <CLI/CLI.hpp>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "server/healthcheck.h"
+#include "server/http_server.h"
+#include "server/jobs/remesh_engine.h"
+#include "server/machine.h"
+#include "server/server.h"
+#include "server/version.h"
+
+namespace {
+
+using remesh::Server;
+using remesh::ServerOptions;
+
+// SIGTERM to exit; Docker's own grace is 10 s.
+constexpr std::chrono::seconds kShutdownGrace{7};
+
+struct ServeFlags {
+    ServerOptions server{};
+    std::string http{};
+    std::string port_file{};
+    std::string log_level = "info";
+    bool allows_any_address = false;
+};
+
+void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
+    ServerOptions& server = flags.server;
+    serve.add_option("--data-dir", server.data_dir, "Where jobs and artifacts live")->required();
+    serve.add_option("--listen", server.listen, "HOST:PORT (port 0: any) or unix:PATH")
+        ->capture_default_str();
+    serve.add_option("--http", flags.http, "HOST:PORT for /healthz and /readyz");
+    serve.add_option("--workers", server.workers.workers, "Jobs that run side by side")
+        ->check(CLI::Range(1, 256))
+        ->capture_default_str();
+    serve.add_option("--threads", server.workers.threads, "Threads of each job")
+        ->check(CLI::Range(1, 1024))
+        ->default_str("the processors, divided among the workers");
+    serve.add_option("--max-queued", server.registry.max_queued, "Jobs that may wait")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
+        ->capture_default_str();
+    serve.add_option("--max-artifact-bytes", server.max_artifact_bytes, "Largest upload")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    serve
+        .add_option_function<int>(
+            "--max-run-time",
+            [&](int seconds) { server.registry.max_run_time = std::chrono::seconds(seconds); },
+            "Longest time a job may run, seconds")
+        ->check(CLI::PositiveNumber)
+        ->default_str("86400");
+    serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
+    serve.add_option("--log-level", flags.log_level, "debug, info, warn or error")
+        ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+        ->capture_default_str();
+    serve.add_flag("--reflection", server.with_reflection, "Serve gRPC reflection");
+    serve.add_flag("--insecure-bind", flags.allows_any_address,
+                   "Listen beyond this machine without TLS: a proxy does it");
+}
+
+void set_up_log(const std::string& level) {
+    auto logger = spdlog::stderr_logger_mt("remeshd");
+    logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%eZ level=%l %v", spdlog::pattern_time_type::utc);
+    logger->set_level(spdlog::level::from_str(level));
+    logger->flush_on(spdlog::level::info);
+    spdlog::set_default_logger(std::move(logger));
+}
+
+/// Whoever waits for the file never sees half of it.
+void write_port(const std::filesystem::path& file, int port) {
+    auto draft = file;
+    draft += ".new";
+    std::ofstream(draft) << port << '\n';
+    std::filesystem::rename(draft, file);
+}
+
+void require_loopback(const std::string& address) {
+    if (!remesh::is_loopback(address)) {
+        throw std::runtime_error(
+            address +
+            " can be reached from other machines and remeshd speaks no TLS; put a proxy before it "
+            "and say --insecure-bind, or listen on 127.0.0.1");
+    }
+}
+
+int serve(ServeFlags flags) {
+    set_up_log(flags.log_level);
+    if (!flags.allows_any_address) {
+        require_loopback(flags.server.listen);
+        if (!flags.http.empty()) {
+            require_loopback(flags.http);
+        }
+    }
+    // Blocked in all threads, which inherit it, and waited for below.
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGTERM);
+    sigaddset(&signals, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+
+    const remesh::RemeshEngine engine;
+    Server server(flags.server, engine);
+    std::optional<remesh::HttpServer> http;
+    if (!flags.http.empty()) {
+        http.emplace(flags.http, [&server] { return server.is_ready(); });
+    }
+    if (!flags.port_file.empty()) {
+        write_port(flags.port_file, server.port());
+    }
+    spdlog::info("event=serving version={} listen={} port={} workers={} threads={}",
+                 remesh::kVersion, flags.server.listen, server.port(), flags.server.workers.workers,
+                 flags.server.workers.threads);
+
+    int signal = 0;
+    sigwait(&signals, &signal);
+    spdlog::info("event=stopping signal={}", signal);
+    const bool is_idle = server.shut_down(kShutdownGrace);
+    spdlog::info("event=stopped");
+    if (!is_idle) {
+        // A run hangs in code that can't be asked to stop. Its job is back in the queue.
+        std::_Exit(EXIT_SUCCESS);
+    }
+    return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("remeshd: remeshes medical surfaces, as a service");
+    app.set_version_flag("--version", std::string("remeshd ") + remesh::kVersion);
+    app.require_subcommand(1);
+
+    ServeFlags flags;
+    flags.server.workers.threads = 0;
+    auto* serve_command = app.add_subcommand("serve", "Serve the API and run jobs");
+    add_serve_flags(*serve_command, flags);
+
+    std::string health_address = "127.0.0.1:50051";
+    auto* health_command =
+        app.add_subcommand("healthcheck", "Exit with 0 if a server takes calls, else with 1");
+    health_command->add_option("--server", health_address, "HOST:PORT or unix:PATH")
+        ->capture_default_str();
+
+    CLI11_PARSE(app, argc, argv);
+    try {
+        if (health_command->parsed()) {
+            return remesh::is_serving(health_address) ? EXIT_SUCCESS : EXIT_FAILURE;
+        }
+        if (flags.server.workers.threads == 0) {
+            flags.server.workers.threads =
+                std::max(1, remesh::available_processors() / flags.server.workers.workers);
+        }
+        return serve(std::move(flags));
+    } catch (const std::exception& error) {
+        std::cerr << "remeshd: " << error.what() << '\n';
+        return EXIT_FAILURE;
+    }
+}

@@ -1,0 +1,99 @@
+#include "server/server.h"
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+
+#include <stdexcept>
+
+#include "server/store/sqlite_job_store.h"
+
+namespace remesh {
+namespace {
+
+// For what waits on the disk: uploads, downloads and the calls that write.
+constexpr int kExecutorThreads = 4;
+// Uploads that never became a job's input are deleted after this, when a server starts.
+constexpr std::chrono::hours kOrphanAge{24};
+
+constexpr int kMaxMessageBytes = 4 << 20;
+constexpr int kMaxMetadataBytes = 16 << 10;
+constexpr int kMaxStreamsPerConnection = 4'096;
+constexpr int kKeepaliveMs = 60'000;
+constexpr int kMinPingIntervalMs = 10'000;
+constexpr std::size_t kMaxBufferBytes = std::size_t{512} << 20U;
+
+}  // namespace
+
+Server::Server(const ServerOptions& options, const Engine& engine)
+    : data_dir_(options.data_dir),
+      store_(open_sqlite_store(data_dir_.path() / "remesh.sqlite")),
+      artifacts_(data_dir_.path(), *store_),
+      executor_(kExecutorThreads),
+      registry_(*store_, artifacts_, codec_, engine, options.registry),
+      watches_(registry_, options.watches),
+      jobs_(registry_, artifacts_, watches_, executor_),
+      artifact_service_(artifacts_, executor_, options.max_artifact_bytes,
+                        [this] { return registry_.is_draining(); }),
+      capabilities_({options.max_artifact_bytes, options.workers.workers, options.workers.threads,
+                     options.registry.max_queued}) {
+    artifacts_.collect_garbage(system_now() - kOrphanAge);
+    registry_.set_listener([this](const JobKey& key) { watches_.notify(key); });
+    listen(options);
+    workers_ = std::make_unique<WorkerPool>(registry_, artifacts_, codec_, engine, options.workers);
+}
+
+Server::~Server() {
+    if (workers_) {
+        shut_down(std::chrono::hours(1));
+    }
+}
+
+void Server::listen(const ServerOptions& options) {
+    grpc::EnableDefaultHealthCheckService(true);
+    if (options.with_reflection) {
+        grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+    }
+    grpc::ResourceQuota quota("remeshd");
+    quota.Resize(kMaxBufferBytes);
+    grpc::ServerBuilder builder;
+    builder.SetResourceQuota(quota);
+    builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+    builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                               kMinPingIntervalMs);
+    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+    builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port_);
+    builder.RegisterService(&jobs_);
+    builder.RegisterService(&artifact_service_);
+    builder.RegisterService(&capabilities_);
+    server_ = builder.BuildAndStart();
+    if (!server_ || port_ == 0) {
+        throw std::runtime_error("can't listen on " + options.listen);
+    }
+}
+
+bool Server::is_ready() const {
+    return !registry_.is_draining();
+}
+
+bool Server::shut_down(std::chrono::milliseconds grace) {
+    server_->GetHealthCheckService()->SetServingStatus(false);
+    registry_.drain();
+    const bool is_idle = registry_.wait_until_idle(grace);
+    if (!is_idle) {
+        registry_.surrender();
+    }
+    watches_.close();
+    server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(1));
+    server_->Wait();
+    if (is_idle) {
+        workers_.reset();
+    }
+    return is_idle;
+}
+
+}  // namespace remesh

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <string>
+
+#include "remesh/v1/capability.grpc.pb.h"
+#include "remesh/v1/job.grpc.pb.h"
+#include "server/executor.h"
+#include "server/jobs/registry.h"
+#include "server/watch_stream.h"
+
+namespace remesh {
+
+/// Converts, calls the registry, converts back.
+class JobService final : public v1::JobService::CallbackService {
+public:
+    JobService(JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
+               Executor& executor);
+
+    grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
+                                        const v1::CreateJobRequest* request,
+                                        v1::Job* reply) override;
+    grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context,
+                                     const v1::GetJobRequest* request, v1::Job* reply) override;
+    grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context,
+                                       const v1::ListJobsRequest* request,
+                                       v1::ListJobsResponse* reply) override;
+    grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* context,
+                                                     const v1::WatchJobRequest* request) override;
+    grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
+                                        const v1::CancelJobRequest* request,
+                                        v1::Job* reply) override;
+    grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context,
+                                        const v1::DeleteJobRequest* request,
+                                        v1::DeleteJobResponse* reply) override;
+
+private:
+    v1::Job create(const v1::CreateJobRequest& request);
+    v1::ListJobsResponse list(const v1::ListJobsRequest& request);
+
+    JobRegistry& registry_;
+    ArtifactStore& artifacts_;
+    WatchHub& watches_;
+    Executor& executor_;
+};
+
+/// What CapabilityService tells besides the engine's formats and defaults.
+struct ServerLimits {
+    std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
+    int workers = 1;
+    int threads_per_job = 1;
+    std::int64_t max_queued_jobs = 1'000;
+};
+
+class CapabilityService final : public v1::CapabilityService::CallbackService {
+public:
+    explicit CapabilityService(const ServerLimits& limits);
+
+    grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
+                                              const v1::GetCapabilitiesRequest* request,
+                                              v1::GetCapabilitiesResponse* reply) override;
+
+private:
+    v1::GetCapabilitiesResponse capabilities_;
+};
+
+}  // namespace remesh

@@ -1,0 +1,190 @@
+#include "server/store/artifact_store.h"
+
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <unistd.h>
+#include <utility>
+
+namespace remesh {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kDraftPrefix = ".draft-";
+
+[[noreturn]] void fail(const char* what) {
+    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno));
+}
+
+void sync_directory(const fs::path& path) {
+    const int file = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (file < 0 || ::fsync(file) != 0) {
+        fail("can't sync the artifact directory");
+    }
+    ::close(file);
+}
+
+fs::path directory_of(const fs::path& data_dir, const std::string& tenant) {
+    return data_dir / "tenants" / tenant / "artifacts";
+}
+
+}  // namespace
+
+ArtifactDraft::ArtifactDraft(std::string tenant, fs::path path)
+    : tenant_(std::move(tenant)), path_(std::move(path)) {
+    file_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (file_ < 0) {
+        fail("can't create an artifact");
+    }
+}
+
+ArtifactDraft::ArtifactDraft(ArtifactDraft&& other) noexcept
+    : tenant_(std::move(other.tenant_)),
+      path_(std::exchange(other.path_, {})),
+      file_(std::exchange(other.file_, -1)),
+      id_(std::move(other.id_)),
+      hash_(std::move(other.hash_)) {}
+
+ArtifactDraft::~ArtifactDraft() {
+    if (file_ >= 0) {
+        ::close(file_);
+    }
+    if (!path_.empty()) {
+        ::unlink(path_.c_str());
+    }
+}
+
+void ArtifactDraft::write(std::string_view bytes) {
+    hash_.add(bytes);
+    id_.size += static_cast<std::int64_t>(bytes.size());
+    while (!bytes.empty()) {
+        const ssize_t written = ::write(file_, bytes.data(), bytes.size());
+        if (written < 0 && errno != EINTR) {
+            fail("can't write an artifact");
+        }
+        bytes.remove_prefix(written < 0 ? 0 : static_cast<std::size_t>(written));
+    }
+}
+
+const ArtifactId& ArtifactDraft::finish() {
+    if (::fsync(file_) != 0) {
+        fail("can't sync an artifact");
+    }
+    ::close(std::exchange(file_, -1));
+    id_.sha256 = hash_.finish();
+    return id_;
+}
+
+ArtifactView::ArtifactView(ArtifactView&& other) noexcept
+    : bytes_(std::exchange(other.bytes_, {})) {}
+
+ArtifactView::~ArtifactView() {
+    if (!bytes_.empty()) {
+        ::munmap(const_cast<char*>(bytes_.data()), bytes_.size());
+    }
+}
+
+ArtifactStore::ArtifactStore(fs::path data_dir, JobStore& store)
+    : data_dir_(std::move(data_dir)), store_(store) {}
+
+ArtifactDraft ArtifactStore::draft(const std::string& tenant) {
+    const fs::path directory = directory_of(data_dir_, tenant);
+    fs::create_directories(directory);
+    return {tenant, directory / (std::string(kDraftPrefix) + random_hex(16))};
+}
+
+void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,
+                            const std::function<void()>& record) {
+    const std::scoped_lock lock(mutex_);
+    for (ArtifactDraft& draft : drafts) {
+        const fs::path path = path_of(draft.tenant_, draft.id_.sha256);
+        if (::rename(draft.path_.c_str(), path.c_str()) != 0) {
+            fail("can't put an artifact in its place");
+        }
+        draft.path_.clear();
+    }
+    if (!drafts.empty()) {
+        sync_directory(directory_of(data_dir_, drafts.front().tenant_));
+    }
+    record();
+    for (const ArtifactDraft& draft : drafts) {
+        if (!find(draft.tenant_, draft.id_.sha256)) {
+            ::unlink(path_of(draft.tenant_, draft.id_.sha256).c_str());
+        }
+    }
+}
+
+void ArtifactStore::add(ArtifactDraft draft, Time now) {
+    const std::string tenant = draft.tenant_;
+    const ArtifactId artifact = draft.id_;
+    std::vector<ArtifactDraft> drafts;
+    drafts.push_back(std::move(draft));
+    publish(std::move(drafts), [&] { store_.add_artifact(tenant, artifact, now); });
+}
+
+std::optional<ArtifactId> ArtifactStore::find(const std::string& tenant,
+                                              const std::string& sha256) const {
+    return store_.find_artifact(tenant, sha256);
+}
+
+ArtifactView ArtifactStore::open(const std::string& tenant, const ArtifactId& artifact) const {
+    const fs::path path = path_of(tenant, artifact.sha256);
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file < 0) {
+        fail("can't open an artifact");
+    }
+    struct stat status {};
+    void* bytes = nullptr;
+    const bool has_size = ::fstat(file, &status) == 0 && status.st_size == artifact.size;
+    const auto size = static_cast<std::size_t>(artifact.size);
+    if (has_size && size > 0) {
+        bytes = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+    }
+    ::close(file);
+    if (!has_size || bytes == MAP_FAILED) {
+        throw StoreError("store: an artifact doesn't have the size on record");
+    }
+    return ArtifactView({static_cast<const char*>(bytes), size});
+}
+
+void ArtifactStore::remove_unneeded(const std::string& tenant,
+                                    const std::vector<std::string>& digests) {
+    const std::scoped_lock lock(mutex_);
+    for (const std::string& sha256 : digests) {
+        if (store_.remove_artifact(tenant, sha256)) {
+            ::unlink(path_of(tenant, sha256).c_str());
+        }
+    }
+}
+
+void ArtifactStore::collect_garbage(Time before) {
+    for (const JobKey& artifact : store_.unreferenced_artifacts(before)) {
+        remove_unneeded(artifact.tenant, {artifact.id});
+    }
+    if (!fs::exists(data_dir_ / "tenants")) {
+        return;
+    }
+    for (const auto& tenant : fs::directory_iterator(data_dir_ / "tenants")) {
+        const fs::path directory = tenant.path() / "artifacts";
+        if (!fs::exists(directory)) {
+            continue;
+        }
+        for (const auto& file : fs::directory_iterator(directory)) {
+            const std::string name = file.path().filename().string();
+            if (name.starts_with(kDraftPrefix) ||
+                (is_sha256(name) && !find(tenant.path().filename().string(), name))) {
+                fs::remove(file.path());
+            }
+        }
+    }
+}
+
+fs::path ArtifactStore::path_of(const std::string& tenant, const std::string& sha256) const {
+    return directory_of(data_dir_, tenant) / sha256;
+}
+
+}  // namespace remesh

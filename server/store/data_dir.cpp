@@ -1,0 +1,62 @@
+#include "server/store/data_dir.h"
+
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/vfs.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <string>
+#include <unistd.h>
+#include <utility>
+
+#include "server/store/job_store.h"
+
+namespace remesh {
+namespace {
+
+// From linux/magic.h and the kernel's sources: NFS, CIFS, SMB2, SMB, AFS, Ceph, FUSE's 9P, OCFS2,
+// GFS2.
+constexpr std::array<unsigned long, 9> kNetworkFileSystems{
+    0x6969,     0xff534d42, 0xfe534d42, 0x517b,     0x5346414f,
+    0x00c36400, 0x01021997, 0x7461636f, 0x01161970,
+};
+
+}  // namespace
+
+DataDir::DataDir(std::filesystem::path path) : path_(std::move(path)) {
+    // SQLite makes its files with the process's mask: nobody else may read patient data.
+    ::umask(0077);
+    std::error_code error;
+    std::filesystem::create_directories(path_, error);
+    struct statfs file_system {};
+    if (error || ::statfs(path_.c_str(), &file_system) != 0) {
+        throw StoreError("data directory " + path_.string() +
+                         " can't be made: " + (error ? error.message() : std::strerror(errno)));
+    }
+    const auto type = static_cast<unsigned long>(file_system.f_type) & 0xffffffffUL;
+    if (std::find(kNetworkFileSystems.begin(), kNetworkFileSystems.end(), type) !=
+        kNetworkFileSystems.end()) {
+        throw StoreError("data directory " + path_.string() +
+                         " is on a network file system; it must be on a local disk");
+    }
+    const auto lock_file = path_ / "lock";
+    lock_ = ::open(lock_file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (lock_ < 0) {
+        throw StoreError("data directory " + path_.string() +
+                         " can't be written: " + std::strerror(errno));
+    }
+    if (::flock(lock_, LOCK_EX | LOCK_NB) != 0) {
+        ::close(lock_);
+        throw StoreError("data directory " + path_.string() + " is in use by another server");
+    }
+}
+
+DataDir::~DataDir() {
+    ::close(lock_);
+}
+
+}  // namespace remesh

@@ -1,0 +1,277 @@
+#include "server/watch_stream.h"
+
+#include <array>
+#include <deque>
+#include <optional>
+#include <utility>
+
+#include "server/convert.h"
+
+namespace remesh {
+namespace {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+// Events taken from the store at a time.
+constexpr std::size_t kBatch = 64;
+
+bool can_be_skipped(EventKind kind) {
+    return kind == EventKind::Progress || kind == EventKind::Sample || kind == EventKind::Preview;
+}
+
+/// A call that ends before it begins.
+class RefusedWatch final : public grpc::ServerWriteReactor<v1::JobEvent> {
+public:
+    explicit RefusedWatch(const grpc::Status& status) { Finish(status); }
+    void OnDone() override { delete this; }
+};
+
+}  // namespace
+
+/// One call. gRPC's callbacks only set flags under the hub's mutex; all else is the hub's thread's.
+class WatchStream final : public grpc::ServerWriteReactor<v1::JobEvent> {
+public:
+    WatchStream(WatchHub& hub, JobKey key, std::int64_t after, std::int64_t history)
+        : hub_(hub), key_(std::move(key)), after_(after), history_(history) {}
+
+    void OnWriteDone(bool ok) override {
+        {
+            const std::scoped_lock lock(hub_.mutex_);
+            is_writing_ = false;
+            is_gone_ = is_gone_ || !ok;
+        }
+        hub_.wake(this);
+    }
+    void OnCancel() override {
+        {
+            const std::scoped_lock lock(hub_.mutex_);
+            is_gone_ = true;
+        }
+        hub_.wake(this);
+    }
+    void OnDone() override { delete this; }
+
+private:
+    friend class WatchHub;
+
+    /// The next message that the reader should get, or nothing.
+    std::optional<v1::JobEvent> next(JobRegistry& registry, std::int64_t max_backlog);
+    void take_batch(JobRegistry& registry, std::int64_t last_sequence, std::int64_t max_backlog);
+
+    WatchHub& hub_;
+    const JobKey key_;
+
+    bool is_writing_ = false;  // needs hub_.mutex_
+    bool is_gone_ = false;     // needs hub_.mutex_
+
+    // the hub's thread only
+    bool is_open_ = false;        // the snapshot that opens the stream was sent
+    bool is_complete_ = false;    // the last message was sent
+    std::int64_t after_;          // last sequence that was sent or skipped
+    const std::int64_t history_;  // sequences up to this one are sent in full
+    std::int64_t skipped_ = 0;    // since the last message
+    std::deque<StoredEvent> batch_;
+    v1::JobEvent message_;
+    SteadyTime last_write_ = std::chrono::steady_clock::now();
+};
+
+std::optional<v1::JobEvent> WatchStream::next(JobRegistry& registry, std::int64_t max_backlog) {
+    const JobView view = registry.get(key_);
+    if (!is_open_) {
+        is_open_ = true;
+        v1::JobEvent event;
+        *event.mutable_snapshot() = to_proto(view);
+        *event.mutable_time() = to_proto(
+            view.job.end_time.value_or(view.job.start_time.value_or(view.job.create_time)));
+        return event;
+    }
+    if (batch_.empty() && after_ < view.job.last_sequence) {
+        take_batch(registry, view.job.last_sequence, max_backlog);
+    }
+    if (!batch_.empty()) {
+        v1::JobEvent event = to_proto(batch_.front(), view);
+        after_ = batch_.front().sequence;
+        batch_.pop_front();
+        event.set_skipped_events(std::exchange(skipped_, 0));
+        is_complete_ = event.has_completed();
+        return event;
+    }
+    if (is_terminal(view.job.state)) {
+        // The reader had seen the end already; it is told once more.
+        const auto last = registry.events_after(key_, view.job.last_sequence - 1, 1);
+        is_complete_ = true;
+        return last.empty() ? std::nullopt : std::optional(to_proto(last.front(), view));
+    }
+    return std::nullopt;
+}
+
+void WatchStream::take_batch(JobRegistry& registry, std::int64_t last_sequence,
+                             std::int64_t max_backlog) {
+    const bool is_behind = after_ >= history_ && last_sequence - after_ > max_backlog;
+    std::int64_t cursor = after_;
+    if (!is_behind) {
+        const auto events = registry.events_after(key_, cursor, kBatch);
+        batch_.assign(events.begin(), events.end());
+        return;
+    }
+    // Everything up to now in one go: what can't be skipped, and the newest of what can.
+    std::array<std::int64_t, 5> newest{};
+    std::deque<StoredEvent> kept;
+    while (cursor < last_sequence) {
+        const auto events = registry.events_after(key_, cursor, kBatch);
+        if (events.empty()) {
+            break;
+        }
+        cursor = events.back().sequence;
+        for (const StoredEvent& event : events) {
+            newest[static_cast<std::size_t>(event.kind)] = event.sequence;
+            kept.push_back(event);
+        }
+        skipped_ += static_cast<std::int64_t>(std::erase_if(kept, [&](const StoredEvent& event) {
+            return can_be_skipped(event.kind) &&
+                   event.sequence != newest[static_cast<std::size_t>(event.kind)];
+        }));
+    }
+    batch_ = std::move(kept);
+}
+
+WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options)
+    : registry_(registry), options_(options) {
+    thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
+}
+
+WatchHub::~WatchHub() = default;
+
+grpc::ServerWriteReactor<v1::JobEvent>* WatchHub::open(const v1::WatchJobRequest& request) {
+    try {
+        const JobKey key = job_key_of(request.name());
+        if (request.after_sequence() < 0) {
+            throw JobError(
+                {FieldProblem{"after_sequence", "after_sequence must be >= 0, got " +
+                                                    std::to_string(request.after_sequence())}});
+        }
+        const JobView view = registry_.get(key);
+        std::unique_lock lock(mutex_);
+        if (is_closed_) {
+            return new RefusedWatch(shutting_down_status());
+        }
+        if (count_ >= options_.max_watches) {
+            return new RefusedWatch(too_many_status(
+                "watches",
+                "at most " + std::to_string(options_.max_watches) + " watches are open at a time"));
+        }
+        ++count_;
+        auto* stream =
+            new WatchStream(*this, key, request.after_sequence(), view.job.last_sequence);
+        streams_[key].insert(stream);
+        lock.unlock();
+        wake(stream);
+        return stream;
+    } catch (const std::exception&) {
+        return new RefusedWatch(to_status(std::current_exception()));
+    }
+}
+
+void WatchHub::notify(const JobKey& key) {
+    const std::scoped_lock lock(mutex_);
+    if (const auto found = streams_.find(key); found != streams_.end()) {
+        awake_.insert(found->second.begin(), found->second.end());
+        changed_.notify_one();
+    }
+}
+
+void WatchHub::close() {
+    const std::scoped_lock lock(mutex_);
+    is_closed_ = true;
+    for (const auto& [key, streams] : streams_) {
+        awake_.insert(streams.begin(), streams.end());
+    }
+    changed_.notify_one();
+}
+
+// A stream that was finished meanwhile isn't in streams_ any more: its last callbacks wake nobody.
+void WatchHub::wake(WatchStream* stream) {
+    const std::scoped_lock lock(mutex_);
+    const auto found = streams_.find(stream->key_);
+    if (found != streams_.end() && found->second.contains(stream)) {
+        awake_.insert(stream);
+        changed_.notify_one();
+    }
+}
+
+void WatchHub::run(std::stop_token stop) {
+    while (!stop.stop_requested()) {
+        std::set<WatchStream*> awake;
+        {
+            std::unique_lock lock(mutex_);
+            const bool is_due = changed_.wait_for(lock, stop, options_.heartbeat / 4,
+                                                  [this] { return !awake_.empty(); });
+            if (!is_due) {
+                for (const auto& [key, streams] : streams_) {
+                    awake_.insert(streams.begin(), streams.end());
+                }
+            }
+            awake = std::exchange(awake_, {});
+        }
+        for (WatchStream* stream : awake) {
+            feed(*stream);
+        }
+    }
+}
+
+// The hub's thread alone finishes streams, so one that is still in streams_ is alive.
+void WatchHub::feed(WatchStream& stream) {
+    std::optional<grpc::Status> end;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (stream.is_writing_) {
+            return;
+        }
+        if (stream.is_gone_) {
+            end = grpc::Status(grpc::StatusCode::CANCELLED, "the client left");
+        } else if (is_closed_) {
+            end = shutting_down_status();
+        }
+    }
+    if (!end && stream.is_complete_) {
+        end = grpc::Status::OK;
+    }
+    std::optional<v1::JobEvent> message;
+    if (!end) {
+        try {
+            message = stream.next(registry_, options_.max_backlog);
+        } catch (const std::exception&) {
+            end = to_status(std::current_exception());
+        }
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (!end && !message && stream.is_complete_) {
+        end = grpc::Status::OK;
+    }
+    if (!end && !message && now - stream.last_write_ >= options_.heartbeat) {
+        message.emplace().mutable_heartbeat();
+    }
+    if (end) {
+        {
+            const std::scoped_lock lock(mutex_);
+            auto found = streams_.find(stream.key_);
+            found->second.erase(&stream);
+            if (found->second.empty()) {
+                streams_.erase(found);
+            }
+            awake_.erase(&stream);
+            --count_;
+        }
+        stream.Finish(*end);
+    } else if (message) {
+        {
+            const std::scoped_lock lock(mutex_);
+            stream.is_writing_ = true;
+        }
+        stream.last_write_ = now;
+        stream.message_ = std::move(*message);
+        stream.StartWrite(&stream.message_);
+    }
+}
+
+}  // namespace remesh

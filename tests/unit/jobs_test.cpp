@@ -1,0 +1,323 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <set>
+#include <stdexcept>
+
+#include "core/error.h"
+#include "tests/support/job_machine.h"
+
+namespace remesh {
+namespace {
+
+using ::testing::ElementsAre;
+using testing::Gate;
+using testing::JobMachine;
+using testing::ScriptedEngine;
+using ::testing::SizeIs;
+using testing::TextCodec;
+
+JobErrorCode code_of(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const JobError& error) {
+        return error.code();
+    }
+    throw std::logic_error("no JobError came");
+}
+
+/// An engine that stays in each run until the gate opens.
+ScriptedEngine::Script behind(Gate& gate) {
+    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
+                   OutputSink& outputs) {
+        run.enter(Stage::Relax);
+        gate.pass(run);
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    };
+}
+
+TEST(JobMachine, RunsAJobAndShowsItsOutputs) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    const JobRecord job = machine.wait_for(key, JobState::Succeeded);
+
+    EXPECT_EQ(job.state, JobState::Succeeded);
+    EXPECT_EQ(job.attempt, 1);
+    EXPECT_EQ(job.outcome, "result of 1");
+    const auto output = machine.artifacts().find("clinic", sha256_of("out:mesh"));
+    ASSERT_TRUE(output);
+    EXPECT_EQ(machine.artifacts().open("clinic", *output).bytes(), "out:mesh");
+}
+
+TEST(JobMachine, NumbersTheEventsOfARunInTheOrderTheyCame) {
+    JobMachine machine([](const JobRequest&, std::string_view, RunContext& run, OutputSink&) {
+        run.enter(Stage::Relax);
+        run.sample({.quality = QualitySample{}});
+        run.sample({.quality = QualitySample{}});
+        run.warn({"ODD", "Something is odd.", std::nullopt});
+        return JobResult{};
+    });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Succeeded);
+
+    std::vector<std::string> payloads;
+    std::int64_t sequence = 0;
+    for (const StoredEvent& event : machine.registry().events_after(key, 0, 100)) {
+        EXPECT_EQ(event.sequence, ++sequence);
+        payloads.push_back(event.kind == EventKind::State ? "state" : event.payload);
+    }
+
+    EXPECT_THAT(payloads, ElementsAre("state", "state", "progress", "sample 1", "sample 2",
+                                      "warning ODD", "state"));
+}
+
+TEST(JobMachine, TellsWhyARunFailed) {
+    JobMachine machine(
+        [](const JobRequest&, std::string_view, RunContext&, OutputSink& outputs) -> JobResult {
+            outputs.add([](std::ostream& out) { out << "half a result"; });
+            throw Error(ErrorCode::Unmeshable, "no body");
+        });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    const JobRecord job = machine.wait_for(key, JobState::Failed);
+
+    EXPECT_EQ(job.outcome, "UNMESHABLE");
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("half a result")));
+}
+
+TEST(JobMachine, FailsTheJobOfAnEngineThatThrowsSomethingElse) {
+    JobMachine machine([](const JobRequest&, std::string_view, RunContext&,
+                          OutputSink&) -> JobResult { throw std::logic_error("a defect"); });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "INTERNAL");
+}
+
+TEST(JobMachine, CountsADroppedLeaseAsLostAndQuarantinesAfterTheLast) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+
+    for (int attempt = 1; attempt <= 3; ++attempt) {
+        const auto lease = machine.registry().claim({});
+        ASSERT_TRUE(lease);
+        EXPECT_EQ(lease->job().attempt, attempt);
+    }
+
+    const JobRecord job = machine.wait_for(key, JobState::Quarantined);
+    EXPECT_EQ(job.state, JobState::Quarantined);
+    EXPECT_EQ(job.outcome, "WORKER_LOST");
+}
+
+TEST(JobMachine, CancelsAQueuedJobAtOnce) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+
+    EXPECT_EQ(machine.registry().cancel(key).job.state, JobState::Cancelled);
+    EXPECT_EQ(machine.registry().cancel(key).job.state, JobState::Cancelled);
+}
+
+TEST(JobMachine, StopsARunningJobThatIsCancelled) {
+    Gate gate;
+    JobMachine machine(behind(gate));
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Running);
+
+    EXPECT_EQ(machine.registry().cancel(key).job.state, JobState::Cancelling);
+    EXPECT_EQ(machine.wait_for(key, JobState::Cancelled).state, JobState::Cancelled);
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("out:mesh")));
+}
+
+TEST(JobMachine, FailsAJobThatRunsTooLong) {
+    Gate gate;
+    JobMachine machine(behind(gate), {.max_run_time = std::chrono::milliseconds(1)});
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "TIMEOUT");
+}
+
+TEST(JobMachine, GivesRunningJobsBackWhenItDrainsAndFinishesThemLater) {
+    Gate gate;
+    JobMachine machine(behind(gate));
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Running);
+
+    machine.stop();
+    machine.start();
+    const JobRecord waiting = machine.registry().get(key).job;
+    gate.open();
+    machine.start_workers(1);
+
+    EXPECT_EQ(waiting.state, JobState::Queued);
+    EXPECT_EQ(waiting.attempt, 0);
+    EXPECT_EQ(machine.wait_for(key, JobState::Succeeded).attempt, 1);
+}
+
+TEST(JobMachine, RefusesNewJobsWhileItDrains) {
+    JobMachine machine;
+    const ArtifactId input = machine.upload("mesh");
+    machine.registry().drain();
+
+    EXPECT_EQ(code_of([&] {
+                  machine.registry().submit({"clinic", "", TextCodec::spec(input, 0), false});
+              }),
+              JobErrorCode::ShuttingDown);
+    EXPECT_FALSE(machine.registry().claim({}));
+}
+
+TEST(JobMachine, TakesUpWhatAKilledServerLeft) {
+    JobMachine machine;
+    const JobKey running = machine.submit("one");
+    const JobKey cancelling = machine.submit("two");
+    const JobKey queued = machine.submit("three");
+    // Claimed behind the registry's back: nobody is left to settle them.
+    machine.store().claim(system_now());
+    machine.store().claim(system_now());
+    machine.store().request_cancel(cancelling, system_now());
+
+    machine.stop();
+    machine.start();
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(running, JobState::Succeeded).attempt, 2);
+    EXPECT_EQ(machine.wait_for(queued, JobState::Succeeded).attempt, 1);
+    EXPECT_EQ(machine.registry().get(cancelling).job.state, JobState::Cancelled);
+}
+
+TEST(JobMachine, RunsByPriorityThenAge) {
+    std::mutex mutex;
+    std::vector<std::string> order;
+    JobMachine machine(
+        [&](const JobRequest&, std::string_view input, RunContext&, OutputSink&) -> JobResult {
+            const std::scoped_lock lock(mutex);
+            order.emplace_back(input);
+            return {};
+        });
+    machine.submit("first");
+    const JobKey last = machine.submit("low", -1);
+    machine.submit("second");
+    machine.submit("high", 1);
+
+    machine.start_workers(1);
+    machine.wait_for(last, JobState::Succeeded);
+
+    EXPECT_THAT(order, ElementsAre("high", "first", "second", "low"));
+}
+
+TEST(JobMachine, RunsEachOfManyJobsOnceOnManyWorkers) {
+    std::mutex mutex;
+    std::multiset<std::string> runs;
+    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+                           OutputSink& outputs) {
+        {
+            const std::scoped_lock lock(mutex);
+            runs.emplace(input);
+        }
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    });
+    machine.start_workers(4);
+    std::vector<JobKey> keys;
+    for (int i = 0; i < 20; ++i) {
+        keys.push_back(machine.submit("mesh " + std::to_string(i)));
+    }
+
+    for (const JobKey& key : keys) {
+        EXPECT_EQ(machine.wait_for(key, JobState::Succeeded).state, JobState::Succeeded);
+    }
+    EXPECT_THAT(runs, SizeIs(20));
+    EXPECT_EQ(std::set<std::string>(runs.begin(), runs.end()).size(), 20U);
+}
+
+TEST(JobMachine, SettlesOneWayWhenACancelMeetsTheEnd) {
+    JobMachine machine;
+    machine.start_workers(2);
+    for (int i = 0; i < 20; ++i) {
+        const JobKey key = machine.submit("mesh " + std::to_string(i));
+        machine.registry().cancel(key);
+        const JobRecord job =
+            machine.wait_until(key, [](const JobRecord& now) { return is_terminal(now.state); });
+
+        const auto events = machine.registry().events_after(key, 0, 100);
+        EXPECT_EQ(std::count_if(events.begin(), events.end(),
+                                [](const StoredEvent& event) {
+                                    return event.kind == EventKind::State &&
+                                           is_terminal(event.state);
+                                }),
+                  1);
+        EXPECT_EQ(events.back().state, job.state);
+    }
+}
+
+TEST(JobMachine, ReturnsTheFirstJobForARepeatedRequest) {
+    JobMachine machine;
+
+    const JobKey first = machine.submit("mesh", 0, "r");
+    const JobKey again = machine.submit("mesh", 0, "r");
+
+    EXPECT_EQ(first, again);
+    EXPECT_EQ(code_of([&] { machine.submit("mesh", 1, "r"); }), JobErrorCode::RequestIdReused);
+}
+
+TEST(JobMachine, RefusesMoreJobsThanMayWait) {
+    JobMachine machine(ScriptedEngine::copy_input, {.max_queued = 1});
+    machine.submit("one");
+
+    EXPECT_EQ(code_of([&] { machine.submit("two"); }), JobErrorCode::LimitPassed);
+}
+
+TEST(JobMachine, KeepsTheNewestPreviewsOfARunAndNoneAfterIt) {
+    Gate gate;
+    JobMachine machine(
+        [&](const JobRequest&, std::string_view, RunContext& run, OutputSink&) -> JobResult {
+            for (std::size_t i = 1; i <= 12; ++i) {
+                run.preview({.vertices = Points(i, Vec3::Zero())});
+            }
+            gate.pass(run);
+            return {};
+        });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_until(key, [](const JobRecord& job) { return job.last_sequence >= 14; });
+
+    const auto is_there = [&](int i) {
+        return machine.artifacts()
+            .find("clinic", sha256_of("preview of 0 triangles " + std::to_string(i)))
+            .has_value();
+    };
+    EXPECT_TRUE(is_there(12));
+    EXPECT_FALSE(is_there(1));
+    gate.open();
+    machine.wait_for(key, JobState::Succeeded);
+    machine.stop();
+    machine.start();
+    EXPECT_FALSE(is_there(12));
+}
+
+TEST(JobMachine, DeletesAJobWithTheArtifactsThatNobodyElseNeeds) {
+    JobMachine machine;
+    const JobKey first = machine.submit("mesh");
+    const JobKey second = machine.submit("mesh", 1);
+    machine.start_workers(1);
+    machine.wait_for(second, JobState::Succeeded);
+    machine.wait_for(first, JobState::Succeeded);
+
+    machine.registry().remove(first, {});
+    EXPECT_TRUE(machine.artifacts().find("clinic", sha256_of("mesh")));
+    machine.registry().remove(second, {});
+
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("mesh")));
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("out:mesh")));
+    EXPECT_EQ(code_of([&] { machine.registry().get(first); }), JobErrorCode::NotFound);
+}
+
+}  // namespace
+}  // namespace remesh
