@@ -96,11 +96,11 @@ double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
 
-QualityReport make_report(const SurfaceMesh& input, PrepareResult prepared,
-                          const RemeshResult& result, const RunContext& run) {
+QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
+                          const RunContext& run) {
     QualityReport report;
     report.edge_length = result.edge_length;
-    report.before = measure_surface(input);
+    report.before = measure_surface(prepared.cleaned);
     report.after = measure_surface(result.surface);
     if (!result.tets.tets.empty()) {
         report.tets = measure_tets(result.tets);
@@ -181,7 +181,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     improved = {};
 
     clock.enter(Stage::Report);
-    result.report = make_report(input, std::move(prepared), result, run);
+    result.report = make_report(std::move(prepared), result, run);
     result.report.costs = clock.finish();
     return result;
 }

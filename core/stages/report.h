@@ -68,7 +68,7 @@ struct QualityReport {
     InputFacts input{};
     std::vector<Defect> defects{};
     double edge_length = 0.0;  ///< h asked for, model units.
-    SurfaceQuality before{};
+    SurfaceQuality before{};   ///< The input, welded and oriented.
     SurfaceQuality after{};
     std::optional<TetQuality> tets{};
     Deviation output_to_input{};

@@ -277,6 +277,12 @@ std::unique_ptr<Lease> JobRegistry::claim(std::stop_token stop) {
     }
 }
 
+bool JobRegistry::pause(std::stop_token stop) {
+    std::unique_lock lock(mutex_);
+    return !work_.wait_for(lock, stop, kPollInterval, [this] { return is_draining_; }) &&
+           !stop.stop_requested();
+}
+
 void JobRegistry::drain() {
     const std::scoped_lock lock(mutex_);
     is_draining_ = true;

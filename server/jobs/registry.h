@@ -127,6 +127,9 @@ public:
     /// Waits for a job to run. \return null when asked to stop or shutting down
     std::unique_ptr<Lease> claim(std::stop_token stop);
 
+    /// Waits some seconds. \return false if it was cut short by a stop or by draining
+    bool pause(std::stop_token stop);
+
     /// Refuses new jobs and asks the running ones to stop; they go back to the queue without
     /// spending their attempt.
     void drain();

@@ -160,11 +160,16 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
     try {
         run.checkpoint();
         const JobRequest request = codec.decode_spec(job.spec);
-        const ArtifactView input = artifacts.open(job.key.tenant, request.input);
+        const auto known = artifacts.find(job.key.tenant, request.input.sha256);
+        if (!known) {
+            throw StoreError("store: a job's input is gone");
+        }
+        const ArtifactView input = artifacts.open(job.key.tenant, *known);
         DraftSink sink(artifacts, job.key.tenant);
         JobResult result;
         arena.execute([&] { result = engine.run(request, input.bytes(), run, sink); });
-        return {lease.succeed(result, sink.take())};
+        const auto state = lease.succeed(result, sink.take());
+        return {state, state == JobState::Cancelled ? "CANCELLED" : "OK"};
     } catch (const Error& error) {
         const char* reason = reason_of(error.code());
         if (error.code() == ErrorCode::Cancelled) {
@@ -190,10 +195,24 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
     }
 }
 
+/// Goes on trying while the store is in trouble.
+std::unique_ptr<Lease> claim(JobRegistry& registry, const std::stop_token& stop) {
+    while (true) {
+        try {
+            return registry.claim(stop);
+        } catch (const StoreError& error) {
+            spdlog::error("event=store_failed message=\"{}\"", error.what());
+        }
+        if (!registry.pause(stop)) {
+            return nullptr;
+        }
+    }
+}
+
 void work(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
           const Engine& engine, int threads, const std::stop_token& stop) {
     tbb::task_arena arena(threads);
-    while (const auto lease = registry.claim(stop)) {
+    while (const auto lease = claim(registry, stop)) {
         const std::string& id = lease->job().key.id;
         const int attempt = lease->job().attempt;
         const auto start = std::chrono::steady_clock::now();

@@ -303,7 +303,7 @@ INSTANTIATE_TEST_SUITE_P(Engines, JobStoreConformance,
                                                            return open_sqlite_store(directory /
                                                                                     "store.sqlite");
                                                        }}),
-                         [](const auto& info) { return info.param.name; });
+                         [](const auto& engine) { return engine.param.name; });
 
 TEST(SqliteJobStore, RefusesAFileThatIsNoDatabase) {
     const TemporaryDirectory directory;
