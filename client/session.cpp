@@ -4,6 +4,8 @@
 
 #include <cstdio>
 
+#include "client/text.h"
+
 namespace remesh::client {
 namespace {
 
@@ -40,6 +42,10 @@ Connection& Session::connect(const std::string& server) {
             patience = kPrivatePatience;
         }
         connection_.emplace(server, patience, interrupts_.first());
+        connection_->set_on_silence([this, server](Connection::Milliseconds longest) {
+            note(fmt::format("waiting for the server at {}, for {} at most", sanitised(server),
+                             duration_word(static_cast<double>(longest.count()) / 1e3)));
+        });
     }
     return *connection_;
 }
