@@ -19,6 +19,7 @@ constexpr Connection::Milliseconds kFirstContactPatience = 10s;
 constexpr Connection::Milliseconds kRestartPatience = 120s;
 constexpr Connection::Milliseconds kQuietSilence = 1s;  ///< Longer than this is worth a word.
 constexpr Connection::Milliseconds kShortestPause = 50ms;
+constexpr Connection::Milliseconds kStopInterval = 50ms;  ///< A stop takes effect within it.
 constexpr Connection::Milliseconds kLongestPause = 500ms;
 
 bool is_port(std::string_view text) {
@@ -54,10 +55,10 @@ Connection::Connection(std::string server, std::optional<Milliseconds> patience,
                        std::stop_token stop)
     : server_(std::move(server)), patience_(patience), stop_(std::move(stop)) {
     require_address(server_);
-    const auto channel = open_channel(server_);
-    jobs_ = v1::JobService::NewStub(channel);
-    artifacts_ = v1::ArtifactService::NewStub(channel);
-    capabilities_ = v1::CapabilityService::NewStub(channel);
+    channel_ = open_channel(server_);
+    jobs_ = v1::JobService::NewStub(channel_);
+    artifacts_ = v1::ArtifactService::NewStub(channel_);
+    capabilities_ = v1::CapabilityService::NewStub(channel_);
 }
 
 template <typename Stub, typename Request, typename Response>
@@ -141,10 +142,21 @@ grpc::Status Connection::attempt_once(Milliseconds limit, const Attempt& attempt
 }
 
 void Connection::pause(Milliseconds duration) const {
-    std::mutex mutex;
-    std::condition_variable_any wake;
-    std::unique_lock lock(mutex);
-    wake.wait_for(lock, stop_, duration, [] { return false; });
+    const auto end = std::chrono::system_clock::now() + duration;
+    if (channel_->GetState(false) == GRPC_CHANNEL_READY) {
+        std::mutex mutex;
+        std::condition_variable_any wake;
+        std::unique_lock lock(mutex);
+        wake.wait_until(lock, stop_, end, [] { return false; });
+    }
+    // A channel of blocking calls connects only while somebody waits on it, so sleeping wouldn't
+    // do.
+    while (std::chrono::system_clock::now() < end && !stop_.stop_requested()) {
+        if (channel_->WaitForConnected(
+                std::min(end, std::chrono::system_clock::now() + kStopInterval))) {
+            break;
+        }
+    }
     if (stop_.stop_requested()) {
         throw Failure(ExitCode::Interrupted, "interrupted");
     }

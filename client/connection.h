@@ -74,6 +74,7 @@ private:
     std::optional<Milliseconds> patience_;
     std::stop_token stop_;
     std::function<void(Milliseconds)> on_silence_;
+    std::shared_ptr<grpc::Channel> channel_;
     std::unique_ptr<v1::JobService::Stub> jobs_;
     std::unique_ptr<v1::ArtifactService::Stub> artifacts_;
     std::unique_ptr<v1::CapabilityService::Stub> capabilities_;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <unistd.h>
 
 #include "client/text.h"
 
@@ -52,7 +53,8 @@ Connection& Session::connect(const std::string& server) {
 
 void Session::note(const std::string& line) const {
     if (!settings_.quiet) {
-        fmt::print(stderr, "{}\n", line);
+        const char* clear_progress = isatty(STDERR_FILENO) == 1 ? "\r\x1b[K" : "";
+        fmt::print(stderr, "{}{}\n", clear_progress, line);
     }
 }
 
