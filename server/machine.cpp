@@ -29,8 +29,9 @@ int available_processors() {
 
 bool is_loopback(const std::string& address) {
     const std::string host = address.substr(0, address.rfind(':'));
-    return address.starts_with("unix:") || host.starts_with("127.") || host == "localhost" ||
-           host == "[::1]";
+    const bool is_number = host.find_first_not_of("0123456789.") == std::string::npos;
+    return address.starts_with("unix:") || (is_number && host.starts_with("127.")) ||
+           host == "localhost" || host == "[::1]";
 }
 
 }  // namespace remesh

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/error.h"
 #include "server/healthcheck.h"
 #include "tests/support/test_server.h"
 

@@ -1,0 +1,28 @@
+#include "server/machine.h"
+
+#include <gtest/gtest.h>
+
+namespace remesh {
+namespace {
+
+TEST(Machine, ReadsTheQuotaOfACgroup) {
+    EXPECT_EQ(processors_of_quota("200000 100000"), 2);
+    EXPECT_EQ(processors_of_quota("150000 100000"), 2);
+    EXPECT_EQ(processors_of_quota("max 100000"), 0);
+    EXPECT_EQ(processors_of_quota(""), 0);
+    EXPECT_GE(available_processors(), 1);
+}
+
+TEST(Machine, KnowsWhichAddressesStayOnIt) {
+    EXPECT_TRUE(is_loopback("127.0.0.1:50051"));
+    EXPECT_TRUE(is_loopback("localhost:0"));
+    EXPECT_TRUE(is_loopback("[::1]:50051"));
+    EXPECT_TRUE(is_loopback("unix:/run/remesh.sock"));
+    EXPECT_FALSE(is_loopback("0.0.0.0:50051"));
+    EXPECT_FALSE(is_loopback("[::]:50051"));
+    EXPECT_FALSE(is_loopback("127.evil.example:50051"));
+    EXPECT_FALSE(is_loopback("example.org:50051"));
+}
+
+}  // namespace
+}  // namespace remesh
