@@ -15,10 +15,12 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Connection::Milliseconds kUnaryLimit = 30s;
-constexpr Connection::Milliseconds kFirstContactPatience = 5s;
+constexpr Connection::Milliseconds kFirstContactPatience = 10s;
 constexpr Connection::Milliseconds kRestartPatience = 120s;
+constexpr Connection::Milliseconds kQuietSilence = 1s;  ///< Longer than this is worth a word.
 constexpr Connection::Milliseconds kShortestPause = 50ms;
-constexpr Connection::Milliseconds kLongestPause = 2s;
+constexpr Connection::Milliseconds kStopInterval = 50ms;  ///< A stop takes effect within it.
+constexpr Connection::Milliseconds kLongestPause = 500ms;
 
 bool is_port(std::string_view text) {
     return !text.empty() && text.size() <= 5 &&
@@ -41,8 +43,9 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
     // Hospital networks set http_proxy for browsers; a mesh server is never behind it.
     arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
+    // In spite of its name the time that one attempt to connect gets.
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
+    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 500);
     return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
 }
 
@@ -52,10 +55,10 @@ Connection::Connection(std::string server, std::optional<Milliseconds> patience,
                        std::stop_token stop)
     : server_(std::move(server)), patience_(patience), stop_(std::move(stop)) {
     require_address(server_);
-    const auto channel = open_channel(server_);
-    jobs_ = v1::JobService::NewStub(channel);
-    artifacts_ = v1::ArtifactService::NewStub(channel);
-    capabilities_ = v1::CapabilityService::NewStub(channel);
+    channel_ = open_channel(server_);
+    jobs_ = v1::JobService::NewStub(channel_);
+    artifacts_ = v1::ArtifactService::NewStub(channel_);
+    capabilities_ = v1::CapabilityService::NewStub(channel_);
 }
 
 template <typename Stub, typename Request, typename Response>
@@ -107,14 +110,9 @@ void Connection::note_contact() {
 
 void Connection::retry(Milliseconds limit, const Attempt& attempt) {
     const Clock::time_point start = Clock::now();
+    bool is_noted = false;
     for (Milliseconds wait = kShortestPause;; wait = std::min(2 * wait, kLongestPause)) {
-        grpc::ClientContext context;
-        context.set_deadline(std::chrono::system_clock::now() + limit);
-        grpc::Status status;
-        {
-            const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
-            status = attempt(context);
-        }
+        const grpc::Status status = attempt_once(limit, attempt);
         if (status.ok()) {
             note_contact();
             return;
@@ -124,20 +122,41 @@ void Connection::retry(Milliseconds limit, const Attempt& attempt) {
         }
         const Milliseconds patience =
             patience_.value_or(last_contact_ ? kRestartPatience : kFirstContactPatience);
-        const Clock::time_point silent_since = std::max(start, last_contact_.value_or(start));
-        if (status.error_code() != grpc::StatusCode::UNAVAILABLE ||
-            Clock::now() + wait > silent_since + patience) {
+        const auto silence = std::chrono::duration_cast<Milliseconds>(
+            Clock::now() - std::max(start, last_contact_.value_or(start)));
+        if (status.error_code() != grpc::StatusCode::UNAVAILABLE || silence >= patience) {
             throw to_failure(status, server_);
         }
-        pause(wait);
+        if (silence >= kQuietSilence && on_silence_ && !std::exchange(is_noted, true)) {
+            on_silence_(patience);
+        }
+        pause(std::min(wait, patience - silence));  // So that the last attempt ends the patience.
     }
 }
 
+grpc::Status Connection::attempt_once(Milliseconds limit, const Attempt& attempt) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + limit);
+    const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
+    return attempt(context);
+}
+
 void Connection::pause(Milliseconds duration) const {
-    std::mutex mutex;
-    std::condition_variable_any wake;
-    std::unique_lock lock(mutex);
-    wake.wait_for(lock, stop_, duration, [] { return false; });
+    const auto end = std::chrono::system_clock::now() + duration;
+    if (channel_->GetState(false) == GRPC_CHANNEL_READY) {
+        std::mutex mutex;
+        std::condition_variable_any wake;
+        std::unique_lock lock(mutex);
+        wake.wait_until(lock, stop_, end, [] { return false; });
+    }
+    // A channel of blocking calls connects only while somebody waits on it, so sleeping wouldn't
+    // do.
+    while (std::chrono::system_clock::now() < end && !stop_.stop_requested()) {
+        if (channel_->WaitForConnected(
+                std::min(end, std::chrono::system_clock::now() + kStopInterval))) {
+            break;
+        }
+    }
     if (stop_.stop_requested()) {
         throw Failure(ExitCode::Interrupted, "interrupted");
     }

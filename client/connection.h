@@ -48,6 +48,11 @@ public:
     /// Says that the server answered in the middle of an attempt, so that patience starts anew.
     void note_contact();
 
+    /// Calls `listener` with the patience once a call has waited for a second.
+    void set_on_silence(std::function<void(Milliseconds)> listener) {
+        on_silence_ = std::move(listener);
+    }
+
     /// Listens to another token from now on: what the user does after a first interrupt.
     void set_stop(std::stop_token stop) { stop_ = std::move(stop); }
 
@@ -62,11 +67,14 @@ private:
     Response call(Stub& stub,
                   grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                   const Request& request);
+    grpc::Status attempt_once(Milliseconds limit, const Attempt& attempt);
     void pause(Milliseconds duration) const;
 
     std::string server_;
     std::optional<Milliseconds> patience_;
     std::stop_token stop_;
+    std::function<void(Milliseconds)> on_silence_;
+    std::shared_ptr<grpc::Channel> channel_;
     std::unique_ptr<v1::JobService::Stub> jobs_;
     std::unique_ptr<v1::ArtifactService::Stub> artifacts_;
     std::unique_ptr<v1::CapabilityService::Stub> capabilities_;

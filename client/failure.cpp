@@ -34,13 +34,22 @@ ExitCode exit_code_of(grpc::StatusCode code) {
     return ExitCode::JobFailed;
 }
 
+/// "failed to connect to all addresses; last error: UNKNOWN: ipv4:...: Connection refused" -> the
+/// last part, which is what a person can act on.
+std::string connection_trouble(const std::string& said) {
+    const std::size_t colon = said.rfind(": ");
+    const bool is_grpc_talk = said.starts_with("failed to connect to all addresses");
+    return is_grpc_talk && colon != std::string::npos ? said.substr(colon + 2) : said;
+}
+
 }  // namespace
 
 Failure to_failure(const grpc::Status& status, const std::string& server) {
     const ExitCode code = exit_code_of(status.error_code());
     const std::string said = sanitised(status.error_message());
     if (code == ExitCode::Unavailable) {
-        return {code, fmt::format("can't reach the server at {}: {}", sanitised(server), said)};
+        return {code, fmt::format("can't reach the server at {}: {}", sanitised(server),
+                                  connection_trouble(said))};
     }
     return {code, said.empty() ? fmt::format("the server answered with status {} and no message",
                                              static_cast<int>(status.error_code()))

@@ -89,6 +89,8 @@ std::string progress_line(const ProgressState& state, double seconds, int width)
     parts.push_back(clock_word(seconds));
     if (state.iteration > 0) {
         parts.push_back(fmt::format("iteration {}", state.iteration));
+    }
+    if (state.residual > 0.0) {
         parts.push_back(fmt::format("residual {:.1e}", state.residual));
     }
     if (state.quality) {

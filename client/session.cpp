@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <unistd.h>
+
+#include "client/text.h"
 
 namespace remesh::client {
 namespace {
@@ -40,13 +43,18 @@ Connection& Session::connect(const std::string& server) {
             patience = kPrivatePatience;
         }
         connection_.emplace(server, patience, interrupts_.first());
+        connection_->set_on_silence([this, server](Connection::Milliseconds longest) {
+            note(fmt::format("waiting for the server at {}, for {} at most", sanitised(server),
+                             duration_word(static_cast<double>(longest.count()) / 1e3)));
+        });
     }
     return *connection_;
 }
 
 void Session::note(const std::string& line) const {
     if (!settings_.quiet) {
-        fmt::print(stderr, "{}\n", line);
+        const char* clear_progress = isatty(STDERR_FILENO) == 1 ? "\r\x1b[K" : "";
+        fmt::print(stderr, "{}{}\n", clear_progress, line);
     }
 }
 

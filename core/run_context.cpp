@@ -65,7 +65,9 @@ std::string_view stage_name(Stage stage) {
 }
 
 RunContext::RunContext(std::stop_token stop, Sink sink)
-    : stop_(std::move(stop)), sink_(std::move(sink)) {}
+    : stop_(std::move(stop)),
+      sink_(std::move(sink)),
+      next_preview_ms_(now_ms() + kPreviewEveryMs) {}
 
 void RunContext::enter(Stage stage) {
     stage_ = stage;
@@ -96,12 +98,14 @@ void RunContext::warn(Warning warning) {
     }
 }
 
-bool RunContext::wants_preview() const {
-    return sink_ && now_ms() - last_preview_ms_ >= kPreviewEveryMs;
+bool RunContext::wants_preview() {
+    preview_started_ms_ = now_ms();
+    return sink_ && preview_started_ms_ >= next_preview_ms_;
 }
 
 void RunContext::preview(SurfaceMesh surface) {
-    last_preview_ms_ = now_ms();
+    const std::int64_t now = now_ms();
+    next_preview_ms_ = now + std::max(kPreviewEveryMs, 20 * (now - preview_started_ms_));
     if (sink_) {
         sink_(Preview{.iteration = iteration_, .surface = std::move(surface)});
     }

@@ -102,8 +102,9 @@ public:
     void sample(ConvergenceSample sample);  ///< Fills in `stage` and a running `iteration`.
     void warn(Warning warning);
     void preview(SurfaceMesh surface);
-    /// True when a sink listens and the last preview is old enough, so that making one is worth it.
-    [[nodiscard]] bool wants_preview() const;
+    /// True when a sink listens and it is time for another preview: every two seconds, and seldom
+    /// enough that making them takes at most a twentieth of the run.
+    [[nodiscard]] bool wants_preview();
 
     /// \throws Error{Cancelled} if the caller asked to stop
     void checkpoint() const;
@@ -116,7 +117,8 @@ private:
     Stage stage_ = Stage::Read;
     double run_fraction_ = 0.0;
     int iteration_ = 0;
-    std::int64_t last_preview_ms_ = 0;
+    std::int64_t preview_started_ms_ = 0;
+    std::int64_t next_preview_ms_ = 0;
 };
 
 }  // namespace remesh

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -50,6 +51,7 @@ struct Task {
     std::vector<PlannedFile> planned;
     v1::Job job{};
     std::vector<Delivery> deliveries{};
+    std::vector<std::string> warnings{};
 };
 
 bool is_batch(const RunArguments& arguments) {
@@ -134,7 +136,7 @@ void require_writable(const std::vector<Task>& tasks) {
 std::vector<Task> open_inputs(const RunArguments& arguments) {
     std::vector<Task> tasks;
     for (const std::string& input : arguments.inputs) {
-        tasks.push_back({InputFile(input), {}, {}, {}});
+        tasks.push_back({InputFile(input), {}, {}, {}, {}});
     }
     return tasks;
 }
@@ -184,6 +186,19 @@ void start(Task& task, const RunArguments& arguments, Connection& server) {
     }
 }
 
+/// Prints what the result's table of defects doesn't say anyway.
+void tell_warnings(const Task& task, const Session& session) {
+    const auto& defects = task.job.result().quality().defects();
+    for (const std::string& warning : task.warnings) {
+        const bool is_in_table =
+            std::any_of(defects.begin(), defects.end(),
+                        [&](const v1::Defect& defect) { return defect.description() == warning; });
+        if (!is_in_table) {
+            session.note("warning: " + sanitised(warning));
+        }
+    }
+}
+
 void finish(Task& task, const RunArguments& arguments, Session& session) {
     Connection& server = session.any_server();
     if (!is_terminal(task.job.state())) {
@@ -191,12 +206,12 @@ void finish(Task& task, const RunArguments& arguments, Session& session) {
                              session.settings());
         task.job = follow(server, task.job.name(), 0, [&](const v1::JobEvent& event) {
             if (event.has_warning()) {
-                progress.clear();
-                session.note("warning: " + sanitised(event.warning().message()));
+                task.warnings.push_back(event.warning().message());
             }
             progress.apply(event);
         });
     }
+    tell_warnings(task, session);
     if (task.job.state() != v1::Job::STATE_SUCCEEDED) {
         return;
     }

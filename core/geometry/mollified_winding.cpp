@@ -11,7 +11,8 @@ namespace {
 constexpr float kFar = 2.0F;          // A group is far beyond this many of its radii.
 constexpr float kPointGroup = 0.15F;  // Groups smaller than this share of the kernel are points.
 constexpr float kOnePoint = 0.12F;    // Likewise for a triangle,
-constexpr float kThreePoints = 0.3F;  // for a triangle of three points; larger ones are split.
+constexpr float kThreePoints = 0.3F;  // for a triangle of three points
+constexpr float kSixPoints = 0.6F;    // or six; larger ones are split.
 constexpr int kMaxSplits = 7;
 
 constexpr float kShape = 2.2F;  // Where the kernel turns negative; makes the second moment vanish.
@@ -129,6 +130,10 @@ private:
     }
 
     void add_leaf(const WindingTree::Leaf& leaf) {
+        if (is_beyond(leaf)) {
+            solid_angles_ += 2.0F * WindingTree::half_solid_angles(leaf, point_);
+            return;
+        }
         for (Eigen::Index lane = 0; lane < 4; ++lane) {
             const auto corner = [&](std::size_t k) {
                 return Vec3f(leaf.corner[k][0][lane], leaf.corner[k][1][lane],
@@ -143,22 +148,47 @@ private:
         }
     }
 
+    /// Whether the kernel reaches none of a leaf's triangles.
+    [[nodiscard]] bool is_beyond(const WindingTree::Leaf& leaf) const {
+        std::array<Lanes, 3> middle;
+        Lanes distance2 = Lanes::Zero();
+        for (std::size_t d = 0; d < 3; ++d) {
+            middle[d] = (leaf.corner[0][d] + leaf.corner[1][d] + leaf.corner[2][d]) * (1.0F / 3.0F);
+            const Lanes offset = middle[d] - point_[static_cast<Eigen::Index>(d)];
+            distance2 += offset * offset;
+        }
+        Lanes size2 = Lanes::Zero();
+        for (const auto& corner : leaf.corner) {
+            const Lanes x = corner[0] - middle[0];
+            const Lanes y = corner[1] - middle[1];
+            const Lanes z = corner[2] - middle[2];
+            size2 = size2.max(x * x + y * y + z * z);
+        }
+        const Lanes limit = size2.sqrt() + radius_;
+        return (distance2 > limit * limit).all();
+    }
+
     void add_triangle(const Vec3f& a, const Vec3f& b, const Vec3f& c, int splits_left) {
         const Vec3f m = (a + b + c) / 3.0F;
         const float size2 =
             std::max({(a - m).squaredNorm(), (b - m).squaredNorm(), (c - m).squaredNorm()});
-        const Vec3f area = 0.5F * (b - a).cross(c - a);
-        if (size2 < kOnePoint * kOnePoint * radius_ * radius_) {
-            near_.add(m, area);
+        const auto is_below = [&](float share) {
+            return size2 < share * share * radius_ * radius_;
+        };
+        if (is_below(kSixPoints) || splits_left == 0) {
+            const Vec3f area = 0.5F * (b - a).cross(c - a);
+            if (is_below(kOnePoint)) {
+                near_.add(m, area);
+            } else if (is_below(kThreePoints)) {
+                add_symmetric(a, b, c, 2.0F / 3.0F, area / 3.0F);
+            } else {  // Exact to degree 4.
+                add_symmetric(a, b, c, 0.108103018168070F, 0.223381589678011F * area);
+                add_symmetric(a, b, c, 0.816847572980459F, 0.109951743655322F * area);
+            }
             return;
         }
-        if (size2 < kThreePoints * kThreePoints * radius_ * radius_ || splits_left == 0) {
-            near_.add(0.5F * (a + m), area / 3.0F);
-            near_.add(0.5F * (b + m), area / 3.0F);
-            near_.add(0.5F * (c + m), area / 3.0F);
-            return;
-        }
-        if (m.norm() > std::sqrt(size2) + radius_) {
+        const float limit = std::sqrt(size2) + radius_;
+        if (m.squaredNorm() > limit * limit) {
             solid_angles_ += static_cast<float>(
                 solid_angle(Vec3::Zero(), a.cast<double>(), b.cast<double>(), c.cast<double>()));
             return;
@@ -170,6 +200,17 @@ private:
         add_triangle(x, b, y, splits_left - 1);
         add_triangle(z, y, c, splits_left - 1);
         add_triangle(x, y, z, splits_left - 1);
+    }
+
+    /// Three points whose weight is `share` at one corner and alike at the two others.
+    void add_symmetric(const Vec3f& a, const Vec3f& b, const Vec3f& c, float share,
+                       const Vec3f& area) {
+        const float rest = 0.5F * (1.0F - share);
+        const float lead = share - rest;
+        const Vec3f base = rest * (a + b + c);
+        near_.add(base + lead * a, area);
+        near_.add(base + lead * b, area);
+        near_.add(base + lead * c, area);
     }
 
     const WindingTree& tree_;
@@ -192,20 +233,21 @@ MollifiedWinding::Sample MollifiedWinding::at(const Vec3& point, double radius) 
 }
 
 std::optional<MollifiedWinding::Projection> MollifiedWinding::project(const Vec3& point,
+                                                                      const Sample& sample,
                                                                       double radius,
                                                                       double reach) const {
     constexpr int kSteps = 5;
     constexpr double kFlattest = 0.2;  // Least |gradient| times radius; about 1.5 on a plane.
     constexpr double kLongest = 0.3;   // Of the radius: longest step.
-    constexpr double kSettled = 0.01;  // Of the radius: shorter steps end the search.
+    constexpr double kSettled = 0.05;  // Of the radius: the next step would be far shorter still.
     Vec3 x = point;
+    Sample here = sample;
     for (int k = 0; k < kSteps; ++k) {
-        const Sample sample = at(x, radius);
-        const double slope = sample.gradient.norm();
+        const double slope = here.gradient.norm();
         if (slope * radius < kFlattest) {
             return std::nullopt;
         }
-        Vec3 step = sample.gradient * ((0.5 - sample.value) / (slope * slope));
+        Vec3 step = here.gradient * ((0.5 - here.value) / (slope * slope));
         const double length = step.norm();
         if (length > kLongest * radius) {
             step *= kLongest * radius / length;
@@ -215,8 +257,9 @@ std::optional<MollifiedWinding::Projection> MollifiedWinding::project(const Vec3
             return std::nullopt;
         }
         if (length < kSettled * radius) {
-            return Projection{x, -sample.gradient / slope};
+            return Projection{x, -here.gradient / slope};
         }
+        here = at(x, radius);
     }
     return std::nullopt;
 }

@@ -31,8 +31,10 @@ public:
 
     /// Newton's method to the level 1/2. Nothing if the field is too flat, or the way is longer
     /// than `reach`, or it doesn't settle.
-    [[nodiscard]] std::optional<Projection> project(const Vec3& point, double radius,
-                                                    double reach) const;
+    ///
+    /// \param sample  the field at `point`
+    [[nodiscard]] std::optional<Projection> project(const Vec3& point, const Sample& sample,
+                                                    double radius, double reach) const;
 
 private:
     const WindingTree& tree_;

@@ -72,7 +72,7 @@ private:
         if (index == 0) {
             text_.fail("a face refers to vertex 0, but OBJ counts from 1");
         }
-        if (index < 0 && -index > builder_.vertex_count()) {
+        if (index < -builder_.vertex_count()) {
             text_.fail("a face refers to vertex " + grouped(index) +
                        " from the end, but there are " + grouped(builder_.vertex_count()) +
                        " so far");

@@ -135,7 +135,7 @@ private:
     }
 
     void measure(Part& part) const {
-        const Vec3 apex = centroid(surface_, static_cast<std::size_t>(part.triangles.front()));
+        const Vec3 apex = center_of_area(surface_, part.triangles);
         for (const Index i : part.triangles) {
             const auto k = static_cast<std::size_t>(i);
             part.area += area_vector(surface_, k).norm();

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <iterator>
 #include <limits>
+#include <ranges>
 #include <string>
 #include <utility>
 
@@ -84,14 +85,8 @@ void drop_unused_vertices(SurfaceMesh& surface) {
 
 double volume_of(const SurfaceMesh& surface) {
     // An apex amid the area, so that gaps count for little.
-    Vec3 moment = Vec3::Zero();
-    double area = 0.0;
-    for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
-        const double a = area_vector(surface, i).norm();
-        moment += a * centroid(surface, i);
-        area += a;
-    }
-    const Vec3 apex = moment / area;
+    const Vec3 apex =
+        center_of_area(surface, std::views::iota(std::size_t{0}, surface.triangles.size()));
     return sum_over(surface.triangles.size(),
                     [&](std::size_t i) { return cone_volume(surface, i, apex); });
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <unordered_map>
 
 #include "core/parallel.h"
@@ -11,6 +12,7 @@ namespace remesh {
 namespace {
 
 constexpr double kOffset = 0.1;          // Of h: how far from the triangle w is asked for.
+constexpr double kClose = 0.05;          // Of the triangle's size: so near, it fills half the view.
 constexpr double kMaxPieces = 3e6;       // Pieces are coarser than h where they would be more.
 constexpr double kSoundTolerance = 0.3;  // How far w may be from 1 behind and 0 in front.
 
@@ -107,6 +109,37 @@ double piece_length(const SurfaceMesh& surface, double h) {
     return std::min(std::max(h, std::sqrt(4.0 * area / kMaxPieces)), std::sqrt(most));
 }
 
+/// The winding number on both sides of a triangle.
+struct Sides {
+    double behind = 0.0;
+    double ahead = 0.0;
+
+    [[nodiscard]] bool are_sound() const {
+        return std::abs(behind - 1.0) < kSoundTolerance && std::abs(ahead) < kSoundTolerance;
+    }
+};
+
+Sides look_at_sides(const SurfaceMesh& surface, const WindingNumber& winding, double h,
+                    std::size_t i) {
+    const Vec3 middle = centroid(surface, i);
+    const Vec3 area = area_vector(surface, i);
+    const double size = std::sqrt(area.norm());
+    const Vec3 normal = area / (size * size);
+    // Close by, all but the triangle's own solid angle is the same on both sides: mostly one look
+    // is enough.
+    const Vec3 close_by = middle - std::min(kClose * size, kOffset * h) * normal;
+    const double own =
+        solid_angle(close_by, corner(surface, i, 0), corner(surface, i, 1), corner(surface, i, 2)) /
+        (4.0 * std::numbers::pi);
+    Sides sides{.behind = winding.at(close_by)};
+    sides.ahead = sides.behind - 2.0 * own;
+    if (sides.are_sound()) {
+        return sides;
+    }
+    return {.behind = winding.at(middle - kOffset * h * normal),
+            .ahead = winding.at(middle + kOffset * h * normal)};
+}
+
 }  // namespace
 
 SkinResult find_skin(const SurfaceMesh& surface, const WindingNumber& winding, double h,
@@ -117,13 +150,9 @@ SkinResult find_skin(const SurfaceMesh& surface, const WindingNumber& winding, d
     std::vector<char> is_skin(n);
     std::vector<char> is_sound(n);
     for_each_index(n, run, [&](std::size_t i) {
-        const Vec3 middle = centroid(pieces, i);
-        const Vec3 offset = kOffset * h * area_vector(pieces, i).normalized();
-        const double behind = winding.at(middle - offset);
-        const double ahead = winding.at(middle + offset);
-        is_skin[i] = (behind >= 0.5) != (ahead >= 0.5);
-        is_sound[i] = is_skin[i] && std::abs(behind - 1.0) < kSoundTolerance &&
-                      std::abs(ahead) < kSoundTolerance;
+        const Sides sides = look_at_sides(pieces, winding, h, i);
+        is_skin[i] = (sides.behind >= 0.5) != (sides.ahead >= 0.5);
+        is_sound[i] = sides.are_sound();
     });
 
     SkinResult result;

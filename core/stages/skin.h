@@ -17,8 +17,8 @@ struct SkinResult {
 
 /// Keeps the parts of a surface that separate inside (winding number w above 1/2) from outside.
 ///
-/// Each triangle is tested in pieces of about h: w on both sides of the centroid, 0.1 h away. So
-/// fins, inner sheets and overlaps of parts go.
+/// Each triangle is tested in pieces of about h: w on both sides of the centroid, close by, and
+/// where that isn't clear, 0.1 h away. So fins, inner sheets and overlaps of parts go.
 ///
 /// \param surface  oriented
 /// \param winding  of that surface

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "core/geometry/edge_table.h"
@@ -82,35 +83,41 @@ private:
             std::clamp(1.7 * options_.mean_edge, 0.6 * options_.h, 1.5 * options_.h);
         is_moved_.assign(raw_.vertices.size(), 0);
         for_each_index(raw_.vertices.size(), run_, [&](std::size_t i) {
-            const Vec3& x = raw_.vertices[i];
-            const double fitting = result_.noisy ? radius : radius_that_fits(x, radius);
-            for (const double factor : {1.0, 0.6, 0.35}) {
-                const auto moved = field_.project(x, factor * fitting, options_.reach);
-                if (moved) {
-                    result_.surface.vertices[i] = moved->point;
-                    result_.normals[i] = moved->normal;
-                    is_moved_[i] = 1;
-                    return;
-                }
+            const auto moved = smooth_place(raw_.vertices[i], radius);
+            if (moved) {
+                result_.surface.vertices[i] = moved->point;
+                result_.normals[i] = moved->normal;
+                is_moved_[i] = 1;
             }
         });
     }
 
-    /// Shrinks the radius until the field reaches inside and outside within about half of it.
-    [[nodiscard]] double radius_that_fits(const Vec3& x, double radius) const {
-        for (int k = 0; k < 4; ++k) {
-            const Vec3 gradient = field_.at(x, radius).gradient;
-            const double slope = gradient.norm();
-            if (slope > 0.0) {
-                const Vec3 depth = gradient * (0.45 * radius / slope);
-                if (field_.at(x + depth, radius).value > 0.8 &&
-                    field_.at(x - depth, radius).value < 0.2) {
-                    break;
-                }
-            }
+    [[nodiscard]] std::optional<MollifiedWinding::Projection> smooth_place(const Vec3& x,
+                                                                           double radius) const {
+        auto sample = field_.at(x, radius);
+        for (int k = 0; k < 4 && !result_.noisy && !fits(x, sample, radius); ++k) {
             radius *= 0.7;
+            sample = field_.at(x, radius);
         }
-        return radius;
+        auto place = field_.project(x, sample, radius, options_.reach);
+        for (const double factor : {0.6, 0.35}) {
+            if (!place) {
+                const double smaller = factor * radius;
+                place = field_.project(x, field_.at(x, smaller), smaller, options_.reach);
+            }
+        }
+        return place;
+    }
+
+    /// Whether the field reaches inside and outside within about half of its radius.
+    [[nodiscard]] bool fits(const Vec3& x, const MollifiedWinding::Sample& sample,
+                            double radius) const {
+        const double slope = sample.gradient.norm();
+        if (!(slope > 0.0)) {
+            return false;
+        }
+        const Vec3 depth = sample.gradient * (0.45 * radius / slope);
+        return field_.at(x + depth, radius).value > 0.8 && field_.at(x - depth, radius).value < 0.2;
     }
 
     void find_closed_parts() {

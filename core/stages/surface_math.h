@@ -22,6 +22,19 @@ namespace remesh {
     return (corner(surface, i, 0) + corner(surface, i, 1) + corner(surface, i, 2)) / 3.0;
 }
 
+/// Area-weighted middle of the triangles listed.
+template <typename Indices>
+[[nodiscard]] Vec3 center_of_area(const SurfaceMesh& surface, const Indices& triangles) {
+    Vec3 moment = Vec3::Zero();
+    double area = 0.0;
+    for (const auto i : triangles) {
+        const double a = area_vector(surface, static_cast<std::size_t>(i)).norm();
+        moment += a * centroid(surface, static_cast<std::size_t>(i));
+        area += a;
+    }
+    return moment / area;
+}
+
 /// Signed volume of the tet of triangle i and `apex`.
 [[nodiscard]] inline double cone_volume(const SurfaceMesh& surface, std::size_t i,
                                         const Vec3& apex) {

@@ -8,7 +8,8 @@
 namespace remesh::sqlite {
 namespace {
 
-// Times are microseconds since 1970, UTC. The checks tie them to the states.
+// Times are microseconds since 1970, UTC. The checks tie them to the states. Columns of a primary
+// key come first: SQLite 3.40's integrity_check reports others as NULL in tables without rowid.
 constexpr const char* kVersion1 = R"sql(
 CREATE TABLE jobs (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -60,8 +61,8 @@ CREATE TABLE artifacts (
 CREATE TABLE job_artifacts (
     job INTEGER NOT NULL REFERENCES jobs (number) ON DELETE CASCADE,
     role TEXT NOT NULL CHECK (role IN ('input', 'output', 'preview')),
-    tenant TEXT NOT NULL,
     sha256 TEXT NOT NULL,
+    tenant TEXT NOT NULL,
     PRIMARY KEY (job, role, sha256),
     FOREIGN KEY (tenant, sha256) REFERENCES artifacts (tenant, sha256)
 ) STRICT, WITHOUT ROWID;

@@ -40,9 +40,10 @@ v1::Quality quality_with(double edge_length) {
 
 }  // namespace
 
-FakeServer::FakeServer() {
+FakeServer::FakeServer(int port) {
     grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    builder.AddListeningPort(fmt::format("127.0.0.1:{}", port), grpc::InsecureServerCredentials(),
+                             &port_);
     builder.RegisterService(static_cast<v1::JobService::Service*>(this));
     builder.RegisterService(static_cast<v1::ArtifactService::Service*>(this));
     builder.RegisterService(static_cast<v1::CapabilityService::Service*>(this));

@@ -23,7 +23,8 @@ class FakeServer final : public v1::JobService::Service,
                          public v1::ArtifactService::Service,
                          public v1::CapabilityService::Service {
 public:
-    FakeServer();
+    /// \param port  0: any
+    explicit FakeServer(int port = 0);
     ~FakeServer() override;
 
     [[nodiscard]] std::string address() const;

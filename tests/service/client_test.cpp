@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <sys/syscall.h>
 
+#include <memory>
 #include <poll.h>
 #include <signal.h>
 #include <sstream>
@@ -383,6 +384,20 @@ TEST_F(Client, NeedsAServerForJobsThatLive) {
 
     EXPECT_EQ(result.exit_code, 2);
     EXPECT_THAT(result.last_error_line(), HasSubstr("--server"));
+}
+
+TEST(LateServer, IsWaitedFor) {
+    const TemporaryFolder folder;
+    auto server = std::make_unique<FakeServer>();
+    const std::string address = server->address();
+    server.reset();
+
+    ClientProcess client(folder, {"--server", address, "list"});
+    client.wait_for_error_text("waiting for the server");
+    server = std::make_unique<FakeServer>(std::stoi(address.substr(address.find(':') + 1)));
+    const auto result = client.wait();
+
+    EXPECT_EQ(result.exit_code, 0) << result.err;
 }
 
 /// Client with a program in the private server's place: it says its process id and hangs.

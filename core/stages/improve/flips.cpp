@@ -150,10 +150,38 @@ std::optional<SurfaceFlip> plan_surface_flip(const LiveMesh& mesh, Index a, Inde
                          new1.dot(new2) < kBentCosine;
     const bool was_bent =
         flip.old_sine >= kBadAngleSine && old1.normalized().dot(old2.normalized()) < kNormalCosine;
-    if (is_bent || was_bent || flip.new_sine < std::min(flip.old_sine + 1e-9, kFineAngleSine)) {
+    if (is_bent || was_bent) {
         return std::nullopt;
     }
     return flip;
+}
+
+// What tets have to beat for a surface flip, where its triangles allow it at all.
+template <typename Measure>
+std::optional<double> limit_of(const SurfaceFlip& flip, double worst_tet, bool is_peel);
+
+template <>
+std::optional<double> limit_of<RadiusRatio>(const SurfaceFlip& flip, double worst_tet,
+                                            bool is_peel) {
+    if (flip.new_sine < std::min(flip.old_sine + 1e-9, kFineAngleSine)) {
+        return std::nullopt;
+    }
+    const double gain = angle_degrees(flip.new_sine) - angle_degrees(flip.old_sine);
+    if (is_peel && worst_tet > (gain > 5.0 ? 0.6 : kPeelLimit)) {
+        return std::nullopt;
+    }
+    // A much better triangle may cost some of the tets.
+    return gain > 3.0 && flip.old_sine < 0.5 ? std::min(worst_tet, kPeelLimit) : worst_tet;
+}
+
+template <>
+std::optional<double> limit_of<DihedralSine>(const SurfaceFlip& flip, double worst_tet,
+                                             bool /*is_peel*/) {
+    const double worst = std::min(worst_tet, kTriangleScale * flip.old_sine);
+    if (kTriangleScale * flip.new_sine <= worst * (1.0 + kGain)) {
+        return std::nullopt;
+    }
+    return worst;
 }
 
 bool is_manifold_at(const LiveMesh& mesh, Index a, Index b, Index u, Index w) {
@@ -161,15 +189,11 @@ bool is_manifold_at(const LiveMesh& mesh, Index a, Index b, Index u, Index w) {
 }
 
 // The only tet at a boundary edge, with both triangles there, is taken off.
-template <typename Measure>
-bool peel(LiveMesh& mesh, Index a, Index b, const Ring& ring, const SurfaceFlip& flip) {
-    const Tet tet = mesh.tet(ring.tets[0]);
-    const double old = measure<Measure>(mesh, tet);
-    const double gain = angle_degrees(flip.new_sine) - angle_degrees(flip.old_sine);
-    if (old > (gain > 5.0 ? 0.6 : kPeelLimit) || mesh.around(a).size() < 3 ||
-        mesh.around(b).size() < 3) {
+bool peel(LiveMesh& mesh, Index a, Index b, const Ring& ring) {
+    if (mesh.around(a).size() < 3 || mesh.around(b).size() < 3) {
         return false;
     }
+    const Tet tet = mesh.tet(ring.tets[0]);
     mesh.remove(ring.tets[0]);
     if (!is_manifold_at(mesh, a, b, ring.vertices[0], ring.vertices[1])) {
         mesh.add(tet);
@@ -245,13 +269,14 @@ bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
         if (!flip) {
             return false;
         }
+        const auto worst = limit_of<Measure>(*flip, old, ring->tet_count == 1);
+        if (!worst) {
+            return false;
+        }
         if (ring->tet_count == 1) {
-            return peel<Measure>(mesh, a, b, *ring, *flip);
+            return peel(mesh, a, b, *ring);
         }
-        const double gain = angle_degrees(flip->new_sine) - angle_degrees(flip->old_sine);
-        if (gain > 3.0 && flip->old_sine < 0.5) {
-            old = std::min(old, kPeelLimit);  // A much better triangle may cost some of the tets.
-        }
+        old = *worst;
     } else if (ring->size < 3) {
         return false;
     }
@@ -260,9 +285,7 @@ bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
     if (plan_ring<Measure>(mesh, a, b, *ring, limit, plan) <= limit) {
         return false;
     }
-    std::array<Tet, kMaxRing> removed;
     for (std::size_t i = 0; i < ring->tet_count; ++i) {
-        removed[i] = mesh.tet(ring->tets[i]);
         mesh.remove(ring->tets[i]);
     }
     fill_ring(mesh, a, b, *ring, plan, 0, ring->size - 1);

@@ -69,6 +69,10 @@ inline double angle_sine(const Vec3& a, const Vec3& b, const Vec3& c) {
     return product > 0.0 ? std::sqrt(area2 * shortest / product) : 0.0;
 }
 
+/// Angles of boundary triangles are compared with dihedral angles through this factor: 38 degrees
+/// of the one are as good as 27 of the other.
+inline constexpr double kTriangleScale = 0.737;
+
 inline double angle_degrees(double sine) {
     return std::asin(std::clamp(sine, -1.0, 1.0)) * (180.0 / 3.14159265358979323846);
 }

@@ -12,8 +12,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Sum of squared edges over the power of the volume that makes phi^3 free of roots:
 // phi^3 = L^3 / (432 (6V)^2).
-constexpr double kTetScale = 1.0 / 432.0;
-constexpr double kTriangleScale = 0.28867513459481287;  // 1 / (2 sqrt(3)), over twice the area.
+constexpr double kTetPhi = 1.0 / 432.0;
+constexpr double kTrianglePhi = 0.28867513459481287;  // 1 / (2 sqrt(3)), over twice the area.
 
 double squared_edges(const Vec3& u, const Vec3& v, const Vec3& w) {
     return u.squaredNorm() + v.squaredNorm() + w.squaredNorm() + (u - v).squaredNorm() +
@@ -72,7 +72,7 @@ double Star::energy(const Vec3& x) const {
         if (!(volume > 0.0) || volume * volume <= kFlat * kFlat * cubed(squares / 6.0)) {
             return kInfinity;
         }
-        sum += raised(kTetScale * cubed(squares) / (volume * volume));
+        sum += raised(kTetPhi * cubed(squares) / (volume * volume));
     }
     double triangle_sum = 0.0;
     for (const auto& triangle : triangles_) {
@@ -80,7 +80,7 @@ double Star::energy(const Vec3& x) const {
         const Vec3 v = triangle.to - x;
         const double squares = u.squaredNorm() + v.squaredNorm() + (u - v).squaredNorm();
         const double area = u.cross(v).norm();
-        triangle_sum += raised(cubed(kTriangleScale * squares / (area + 1e-30)));
+        triangle_sum += raised(cubed(kTrianglePhi * squares / (area + 1e-30)));
     }
     return sum + surface_weight_ * triangle_sum;
 }
@@ -130,7 +130,7 @@ Star::Model Star::model(const Vec3& x, double lift) const {
         }
         const Vec3 edges = -2.0 * (u + v + w);  // Gradient of the sum of squares.
         const Vec3 size = normal * (chain / volume);
-        const double value = raised(kTetScale * cubed(squares) / (volume * volume));
+        const double value = raised(kTetPhi * cubed(squares) / (volume * volume));
         add(value, edges / squares - (2.0 / 3.0) * size, 6.0, edges, squares, size, 2.0 / 3.0);
     }
     for (const auto& triangle : triangles_) {
@@ -141,7 +141,7 @@ Star::Model Star::model(const Vec3& x, double lift) const {
         const double area = cross.norm() + 1e-30;
         const Vec3 edges = -2.0 * (u + v);
         const Vec3 size = (u - v).cross(cross) / (area * area);
-        const double value = surface_weight_ * raised(cubed(kTriangleScale * squares / area));
+        const double value = surface_weight_ * raised(cubed(kTrianglePhi * squares / area));
         add(value, edges / squares - size, 4.0, edges, squares, size, 1.0);
     }
     return m;

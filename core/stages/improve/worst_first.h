@@ -8,10 +8,6 @@
 
 namespace remesh::improve {
 
-/// Angles of boundary triangles are compared with dihedral angles through this factor: 38 degrees
-/// of the one are as good as 27 of the other.
-inline constexpr double kTriangleScale = 0.737;
-
 struct WorstFirstResult {
     std::int64_t flips = 0;
     std::int64_t collapses = 0;
