@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/failure.h"
+#include "client/stubs.h"
 
 namespace remesh::client {
 namespace {
@@ -49,59 +50,57 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
     return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
 }
 
+template <typename Stub, typename Request, typename Response>
+Response call(Connection& connection, Stub& stub,
+              grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+              const Request& request) {
+    Response response;
+    connection.retry(kUnaryLimit, [&](grpc::ClientContext& context) {
+        return (stub.*method)(&context, request, &response);
+    });
+    return response;
+}
+
 }  // namespace
 
 Connection::Connection(std::string server, std::optional<Milliseconds> patience,
                        std::stop_token stop)
     : server_(std::move(server)), patience_(patience), stop_(std::move(stop)) {
     require_address(server_);
-    channel_ = open_channel(server_);
-    jobs_ = v1::JobService::NewStub(channel_);
-    artifacts_ = v1::ArtifactService::NewStub(channel_);
-    capabilities_ = v1::CapabilityService::NewStub(channel_);
+    stubs_ = std::make_unique<Stubs>(open_channel(server_));
 }
 
-template <typename Stub, typename Request, typename Response>
-Response Connection::call(Stub& stub,
-                          grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
-                                                       Response*),
-                          const Request& request) {
-    Response response;
-    retry(kUnaryLimit, [&](grpc::ClientContext& context) {
-        return (stub.*method)(&context, request, &response);
-    });
-    return response;
-}
+Connection::~Connection() = default;
 
 v1::GetCapabilitiesResponse Connection::capabilities() {
-    return call(*capabilities_, &v1::CapabilityService::Stub::GetCapabilities,
+    return call(*this, stubs_->capabilities, &v1::CapabilityService::Stub::GetCapabilities,
                 v1::GetCapabilitiesRequest());
 }
 
 v1::Job Connection::create_job(const v1::CreateJobRequest& request) {
-    return call(*jobs_, &v1::JobService::Stub::CreateJob, request);
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::CreateJob, request);
 }
 
 v1::Job Connection::get_job(const std::string& name) {
     v1::GetJobRequest request;
     request.set_name(name);
-    return call(*jobs_, &v1::JobService::Stub::GetJob, request);
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::GetJob, request);
 }
 
 v1::ListJobsResponse Connection::list_jobs(const v1::ListJobsRequest& request) {
-    return call(*jobs_, &v1::JobService::Stub::ListJobs, request);
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::ListJobs, request);
 }
 
 v1::Job Connection::cancel_job(const std::string& name) {
     v1::CancelJobRequest request;
     request.set_name(name);
-    return call(*jobs_, &v1::JobService::Stub::CancelJob, request);
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::CancelJob, request);
 }
 
 void Connection::delete_job(const std::string& name) {
     v1::DeleteJobRequest request;
     request.set_name(name);
-    call(*jobs_, &v1::JobService::Stub::DeleteJob, request);
+    call(*this, stubs_->jobs, &v1::JobService::Stub::DeleteJob, request);
 }
 
 void Connection::note_contact() {
@@ -143,7 +142,7 @@ grpc::Status Connection::attempt_once(Milliseconds limit, const Attempt& attempt
 
 void Connection::pause(Milliseconds duration) const {
     const auto end = std::chrono::system_clock::now() + duration;
-    if (channel_->GetState(false) == GRPC_CHANNEL_READY) {
+    if (stubs_->channel->GetState(false) == GRPC_CHANNEL_READY) {
         std::mutex mutex;
         std::condition_variable_any wake;
         std::unique_lock lock(mutex);
@@ -152,7 +151,7 @@ void Connection::pause(Milliseconds duration) const {
     // A channel of blocking calls connects only while somebody waits on it, so sleeping wouldn't
     // do.
     while (std::chrono::system_clock::now() < end && !stop_.stop_requested()) {
-        if (channel_->WaitForConnected(
+        if (stubs_->channel->WaitForConnected(
                 std::min(end, std::chrono::system_clock::now() + kStopInterval))) {
             break;
         }

@@ -1,19 +1,24 @@
 #pragma once
 
-#include <grpcpp/grpcpp.h>
-
 #include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <utility>
 
-#include "remesh/v1/artifact.grpc.pb.h"
-#include "remesh/v1/capability.grpc.pb.h"
-#include "remesh/v1/job.grpc.pb.h"
+#include "remesh/v1/capability.pb.h"
+#include "remesh/v1/job.pb.h"
+
+namespace grpc {
+class ClientContext;
+class Status;
+}  // namespace grpc
 
 namespace remesh::client {
+
+struct Stubs;
 
 /// One server, and what to do while it can't be reached.
 ///
@@ -31,6 +36,9 @@ public:
     /// \param stop      ends calls and pauses at once
     /// \throws Failure{Usage} if `server` is neither
     Connection(std::string server, std::optional<Milliseconds> patience, std::stop_token stop);
+    ~Connection();
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
 
     [[nodiscard]] v1::GetCapabilitiesResponse capabilities();
     [[nodiscard]] v1::Job create_job(const v1::CreateJobRequest& request);
@@ -56,17 +64,13 @@ public:
     /// Listens to another token from now on: what the user does after a first interrupt.
     void set_stop(std::stop_token stop) { stop_ = std::move(stop); }
 
-    [[nodiscard]] v1::JobService::Stub& jobs() { return *jobs_; }
-    [[nodiscard]] v1::ArtifactService::Stub& artifacts() { return *artifacts_; }
+    /// For streams; see client/stubs.h.
+    [[nodiscard]] Stubs& stubs() { return *stubs_; }
     [[nodiscard]] const std::string& server() const { return server_; }
 
 private:
     using Clock = std::chrono::steady_clock;
 
-    template <typename Stub, typename Request, typename Response>
-    Response call(Stub& stub,
-                  grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-                  const Request& request);
     grpc::Status attempt_once(Milliseconds limit, const Attempt& attempt);
     void pause(Milliseconds duration) const;
 
@@ -74,10 +78,7 @@ private:
     std::optional<Milliseconds> patience_;
     std::stop_token stop_;
     std::function<void(Milliseconds)> on_silence_;
-    std::shared_ptr<grpc::Channel> channel_;
-    std::unique_ptr<v1::JobService::Stub> jobs_;
-    std::unique_ptr<v1::ArtifactService::Stub> artifacts_;
-    std::unique_ptr<v1::CapabilityService::Stub> capabilities_;
+    std::unique_ptr<Stubs> stubs_;
     std::optional<Clock::time_point> last_contact_;
 };
 

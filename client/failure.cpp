@@ -1,6 +1,7 @@
 #include "client/failure.h"
 
 #include <fmt/format.h>
+#include <grpcpp/support/status.h>
 
 #include <cerrno>
 #include <system_error>

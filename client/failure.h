@@ -1,11 +1,13 @@
 #pragma once
 
-#include <grpcpp/support/status.h>
-
 #include <stdexcept>
 #include <string>
 
 #include "remesh/v1/job.pb.h"
+
+namespace grpc {
+class Status;
+}
 
 namespace remesh::client {
 

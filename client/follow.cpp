@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "client/failure.h"
+#include "client/stubs.h"
 
 namespace remesh::client {
 namespace {
@@ -23,7 +24,7 @@ v1::Job follow(Connection& connection, const std::string& name, std::int64_t aft
     std::optional<v1::Job> last;
 
     connection.retry(kLongestStream, [&](grpc::ClientContext& context) {
-        const auto stream = connection.jobs().WatchJob(&context, request);
+        const auto stream = connection.stubs().jobs.WatchJob(&context, request);
         v1::JobEvent event;
         while (stream->Read(&event)) {
             connection.note_contact();

@@ -12,6 +12,7 @@
 
 #include "client/failure.h"
 #include "client/sha256.h"
+#include "client/stubs.h"
 #include "client/text.h"
 
 namespace remesh::client {
@@ -96,7 +97,7 @@ void upload(Connection& connection, const InputFile& file) {
 
     connection.retry(transfer_limit(size), [&](grpc::ClientContext& context) {
         v1::UploadArtifactResponse response;
-        const auto stream = connection.artifacts().UploadArtifact(&context, &response);
+        const auto stream = connection.stubs().artifacts.UploadArtifact(&context, &response);
         v1::UploadArtifactRequest chunk;
         *chunk.mutable_digest() = file.digest();
         std::int64_t sent = 0;
@@ -127,7 +128,7 @@ PendingFile download(Connection& connection, const v1::Digest& digest, const fs:
     const std::int64_t size = digest.size_bytes();
 
     connection.retry(transfer_limit(size), [&](grpc::ClientContext& context) {
-        const auto stream = connection.artifacts().DownloadArtifact(&context, request);
+        const auto stream = connection.stubs().artifacts.DownloadArtifact(&context, request);
         v1::DownloadArtifactResponse chunk;
         while (request.offset() < size && stream->Read(&chunk)) {
             connection.note_contact();

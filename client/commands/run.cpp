@@ -17,6 +17,7 @@
 #include "client/formats.h"
 #include "client/json.h"
 #include "client/options.h"
+#include "client/output_plan.h"
 #include "client/progress.h"
 #include "client/results.h"
 #include "client/tables.h"
@@ -32,17 +33,10 @@ constexpr auto kSecondThoughts = std::chrono::seconds(3);
 
 struct RunArguments {
     std::vector<std::string> inputs;
-    std::vector<std::string> outputs;
-    std::vector<std::string> formats;
-    std::string output_dir;
+    OutputWishes wishes;
     std::string report;
     std::string input_format;
     v1::JobSpec spec;
-};
-
-struct PlannedFile {
-    v1::Format format = v1::FORMAT_UNSPECIFIED;
-    fs::path target{};
 };
 
 /// One input on its way through the server.
@@ -62,74 +56,10 @@ void require_consistent(const RunArguments& arguments) {
     if (!is_batch(arguments)) {
         return;
     }
-    if (!arguments.outputs.empty() || !arguments.report.empty()) {
+    if (!arguments.wishes.outputs.empty() || !arguments.report.empty()) {
         throw Failure(ExitCode::Usage,
                       "-o and --report are for one input; several inputs want --output-dir and, if "
                       "you like, --format");
-    }
-}
-
-/// The format of a file named with -o: --format where it fits the name or the name says nothing.
-v1::Format format_of_output(const RunArguments& arguments, const fs::path& target,
-                            const v1::GetCapabilitiesResponse& server) {
-    const std::string extension = lower_case(target.extension().string());
-    bool is_known = false;
-    for (const auto& format : server.formats()) {
-        is_known = is_known || lower_case(format.extension()) == extension;
-    }
-    for (const std::string& word : arguments.formats) {
-        const v1::Format format = format_named(word);
-        if (!is_known || lower_case(extension_of(format, server)) == extension) {
-            return format;
-        }
-    }
-    return format_for(target, server);
-}
-
-std::vector<PlannedFile> plan_files(const RunArguments& arguments, const fs::path& input,
-                                    const v1::GetCapabilitiesResponse& server) {
-    std::vector<PlannedFile> files;
-    for (const std::string& output : arguments.outputs) {
-        files.push_back({format_of_output(arguments, output, server), output});
-    }
-    if (files.empty()) {
-        for (const v1::Format format :
-             wanted_formats(arguments.formats, arguments.spec.options())) {
-            const std::string name = stem_of(input) + "_remeshed" + extension_of(format, server);
-            files.push_back({format, fs::path(arguments.output_dir) / name});
-        }
-    }
-    return files;
-}
-
-/// Refuses before any work what could only fail after it.
-void require_writable(const std::vector<Task>& tasks) {
-    std::set<fs::path> targets;
-    for (const Task& task : tasks) {
-        for (const PlannedFile& file : task.planned) {
-            const fs::path& target = file.target;
-            std::error_code ignored;
-            const fs::path folder = target.has_parent_path() ? target.parent_path() : ".";
-            if (target != "-" && !fs::is_directory(folder, ignored)) {
-                throw Failure(ExitCode::Usage, fmt::format("can't write {}: there is no folder {}",
-                                                           target.string(), folder.string()));
-            }
-            if (fs::is_directory(target, ignored)) {
-                throw Failure(ExitCode::Usage,
-                              fmt::format("can't write {}: it is a folder", target.string()));
-            }
-            if (!targets.insert(fs::weakly_canonical(target, ignored)).second) {
-                throw Failure(ExitCode::Usage,
-                              fmt::format("{} would be written twice", target.string()));
-            }
-            for (const Task& other : tasks) {
-                if (fs::equivalent(other.file.path(), target, ignored)) {
-                    throw Failure(
-                        ExitCode::Usage,
-                        fmt::format("{} is an input: it won't be overwritten", target.string()));
-                }
-            }
-        }
     }
 }
 
@@ -143,18 +73,27 @@ std::vector<Task> open_inputs(const RunArguments& arguments) {
 
 void plan(std::vector<Task>& tasks, const RunArguments& arguments,
           const v1::GetCapabilitiesResponse& server) {
-    if (!arguments.output_dir.empty()) {
+    if (!arguments.wishes.output_dir.empty()) {
         std::error_code error;
-        fs::create_directories(arguments.output_dir, error);
+        fs::create_directories(arguments.wishes.output_dir, error);
         if (error) {
-            throw Failure(ExitCode::Local, fmt::format("can't make the folder {}: {}",
-                                                       arguments.output_dir, error.message()));
+            throw Failure(ExitCode::Local,
+                          fmt::format("can't make the folder {}: {}", arguments.wishes.output_dir,
+                                      error.message()));
         }
     }
+    std::vector<PlannedFile> all;
+    std::vector<fs::path> inputs;
     for (Task& task : tasks) {
-        task.planned = plan_files(arguments, task.file.path(), server);
+        task.planned =
+            plan_outputs(arguments.wishes, arguments.spec.options(), task.file.path(), server);
+        all.insert(all.end(), task.planned.begin(), task.planned.end());
+        inputs.push_back(task.file.path());
     }
-    require_writable(tasks);
+    if (!arguments.report.empty()) {
+        all.push_back({v1::FORMAT_UNSPECIFIED, arguments.report});
+    }
+    require_writable(all, inputs);
 }
 
 v1::JobSpec spec_for(const RunArguments& arguments, const Task& task) {
@@ -341,16 +280,16 @@ void add_run(CLI::App& app, Action& chosen) {
         ->type_name("FILE")
         ->required();
     command
-        ->add_option("-o,--output", arguments->outputs,
+        ->add_option("-o,--output", arguments->wishes.outputs,
                      "File to write, its format by extension; - is stdout (repeatable)")
         ->type_name("FILE")
         ->allow_extra_args(false);
     command
-        ->add_option("--output-dir", arguments->output_dir,
+        ->add_option("--output-dir", arguments->wishes.output_dir,
                      "Folder for IN_remeshed.EXT, made if need be")
         ->type_name("FOLDER");
     command
-        ->add_option("--format", arguments->formats,
+        ->add_option("--format", arguments->wishes.formats,
                      "Format of outputs whose name doesn't say it, e.g. vtu, msh22 (repeatable)")
         ->type_name("FORMAT")
         ->allow_extra_args(false);
