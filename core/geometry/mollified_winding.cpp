@@ -8,7 +8,9 @@
 namespace remesh {
 namespace {
 
-constexpr float kFar = 2.0F;          // A group is far beyond this many of its radii.
+// A group is far beyond this many of its radii. More than the winding number itself needs: an
+// error of it becomes roughness of the surface.
+constexpr float kFar = 3.0F;
 constexpr float kPointGroup = 0.15F;  // Groups smaller than this share of the kernel are points.
 constexpr float kOnePoint = 0.12F;    // Likewise for a triangle,
 constexpr float kThreePoints = 0.3F;  // for a triangle of three points

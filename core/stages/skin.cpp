@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kOffset = 0.1;          // Of h: how far from the triangle w is asked for.
 constexpr double kClose = 0.05;          // Of the triangle's size: so near, it fills half the view.
-constexpr double kMaxPieces = 3e6;       // Pieces are coarser than h where they would be more.
+constexpr double kMaxPieces = 2e5;       // Or four a triangle: more are made coarser than h.
 constexpr double kSoundTolerance = 0.3;  // How far w may be from 1 behind and 0 in front.
 
 /// Splits triangles at the middles of edges longer than a length, alike from both sides.
@@ -106,7 +106,8 @@ double piece_length(const SurfaceMesh& surface, double h) {
         }
     }
     // Halving leaves pieces of about a quarter of the squared length.
-    return std::min(std::max(h, std::sqrt(4.0 * area / kMaxPieces)), std::sqrt(most));
+    const double pieces = std::max(kMaxPieces, 4.0 * static_cast<double>(surface.triangles.size()));
+    return std::min(std::max(h, std::sqrt(4.0 * area / pieces)), std::sqrt(most));
 }
 
 /// The winding number on both sides of a triangle.
