@@ -14,6 +14,7 @@ constexpr double kGain = 1e-4;            // Least relative gain, so that no two
 constexpr double kNormalCosine = 0.8;     // About 37 degrees.
 constexpr double kBentCosine = 0.75;      // Between the two new triangles of a surface flip.
 constexpr double kBadAngleSine = 0.342;   // 20 degrees: such triangles have no normal to trust.
+constexpr double kPoorAngleSine = 0.5;    // 30 degrees.
 constexpr double kFineAngleSine = 0.574;  // 35 degrees: may get worse down to this.
 constexpr double kPeelLimit = 0.35;       // Boundary tets of lower quality may be peeled off.
 
@@ -178,7 +179,9 @@ template <>
 std::optional<double> limit_of<DihedralSine>(const SurfaceFlip& flip, double worst_tet,
                                              bool /*is_peel*/) {
     const double worst = std::min(worst_tet, kTriangleScale * flip.old_sine);
-    if (kTriangleScale * flip.new_sine <= worst * (1.0 + kGain)) {
+    // A bad tet isn't worth a bad triangle: that one would be seen.
+    if (kTriangleScale * flip.new_sine <= worst * (1.0 + kGain) ||
+        flip.new_sine < std::min(flip.old_sine, kPoorAngleSine)) {
         return std::nullopt;
     }
     return worst;
