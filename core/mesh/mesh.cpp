@@ -1,6 +1,7 @@
 #include "core/mesh/mesh.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace remesh {
 namespace {
@@ -8,14 +9,63 @@ namespace {
 // Faces of a tet, each facing away from the corner it lies opposite of.
 constexpr std::array<std::array<int, 3>, 4> kFaces{{{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
+/// A face by its two larger corners; faces with the same smallest corner are looked at together.
 struct Face {
-    std::array<Index, 3> key;  // Sorted corners.
-    std::uint32_t id;          // 4 * tet + corner.
+    std::uint64_t larger;  // Middle and largest corner.
+    std::uint32_t id;      // 4 * tet + corner.
+};
 
-    bool operator<(const Face& other) const {
-        return key != other.key ? key < other.key : id < other.id;
+std::array<Index, 3> corners_of(const std::vector<Tet>& tets, std::uint32_t id) {
+    const auto& tet = tets[id / 4];
+    const auto& face = kFaces[id % 4];
+    return {tet[static_cast<std::size_t>(face[0])], tet[static_cast<std::size_t>(face[1])],
+            tet[static_cast<std::size_t>(face[2])]};
+}
+
+/// Ids of all faces, grouped by their smallest corner: those of vertex v stand from first[v] on.
+struct FaceTable {
+    std::vector<std::uint32_t> first{};
+    std::vector<std::uint32_t> ids{};
+
+    explicit FaceTable(const std::vector<Tet>& tets) {
+        Index largest = kNone;
+        for (const auto& tet : tets) {
+            largest = std::max(largest, *std::max_element(tet.begin(), tet.end()));
+        }
+        first.assign(static_cast<std::size_t>(largest) + 2, 0);
+        const auto faces = static_cast<std::uint32_t>(4 * tets.size());
+        const auto smallest = [&](std::uint32_t id) {
+            const auto corners = corners_of(tets, id);
+            return static_cast<std::size_t>(*std::min_element(corners.begin(), corners.end()));
+        };
+        for (std::uint32_t id = 0; id < faces; ++id) {
+            ++first[smallest(id) + 1];
+        }
+        std::partial_sum(first.begin(), first.end(), first.begin());
+        ids.resize(faces);
+        std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+        for (std::uint32_t id = 0; id < faces; ++id) {
+            ids[next[smallest(id)]++] = id;
+        }
     }
 };
+
+/// Appends those faces of one group that no other has the corners of.
+void append_single(std::vector<Face>& group, std::vector<std::uint32_t>& single) {
+    std::sort(group.begin(), group.end(), [](const Face& a, const Face& b) {
+        return a.larger != b.larger ? a.larger < b.larger : a.id < b.id;
+    });
+    for (std::size_t i = 0; i < group.size();) {
+        std::size_t j = i + 1;
+        while (j < group.size() && group[j].larger == group[i].larger) {
+            ++j;
+        }
+        if (j - i == 1) {
+            single.push_back(group[i].id);
+        }
+        i = j;
+    }
+}
 
 }  // namespace
 
@@ -28,30 +78,19 @@ Box bounding_box(const Points& points) {
 }
 
 std::vector<Triangle> boundary_of(const std::vector<Tet>& tets, std::vector<Index>* owner) {
-    std::vector<Face> faces;
-    faces.reserve(tets.size() * 4);
-    for (std::size_t t = 0; t < tets.size(); ++t) {
-        for (std::size_t corner = 0; corner < 4; ++corner) {
-            const auto& face = kFaces[corner];
-            std::array<Index, 3> key{tets[t][static_cast<std::size_t>(face[0])],
-                                     tets[t][static_cast<std::size_t>(face[1])],
-                                     tets[t][static_cast<std::size_t>(face[2])]};
-            std::sort(key.begin(), key.end());
-            faces.push_back({key, static_cast<std::uint32_t>(4 * t + corner)});
-        }
-    }
-    std::sort(faces.begin(), faces.end());
-
+    const FaceTable table(tets);
     std::vector<std::uint32_t> single;
-    for (std::size_t i = 0; i < faces.size();) {
-        std::size_t j = i + 1;
-        while (j < faces.size() && faces[j].key == faces[i].key) {
-            ++j;
+    std::vector<Face> group;
+    for (std::size_t v = 0; v + 1 < table.first.size(); ++v) {
+        group.clear();
+        for (std::uint32_t k = table.first[v]; k < table.first[v + 1]; ++k) {
+            auto corners = corners_of(tets, table.ids[k]);
+            std::sort(corners.begin(), corners.end());
+            group.push_back({static_cast<std::uint64_t>(corners[1]) << 32 |
+                                 static_cast<std::uint64_t>(corners[2]),
+                             table.ids[k]});
         }
-        if (j - i == 1) {
-            single.push_back(faces[i].id);
-        }
-        i = j;
+        append_single(group, single);
     }
     std::sort(single.begin(), single.end());
 
@@ -62,11 +101,7 @@ std::vector<Triangle> boundary_of(const std::vector<Tet>& tets, std::vector<Inde
         owner->reserve(single.size());
     }
     for (const auto id : single) {
-        const auto& tet = tets[id / 4];
-        const auto& face = kFaces[id % 4];
-        triangles.push_back({tet[static_cast<std::size_t>(face[0])],
-                             tet[static_cast<std::size_t>(face[1])],
-                             tet[static_cast<std::size_t>(face[2])]});
+        triangles.push_back(corners_of(tets, id));
         if (owner != nullptr) {
             owner->push_back(static_cast<Index>(id / 4));
         }
