@@ -117,6 +117,16 @@ public:
         });
     }
 
+    // A regular lattice has many nearly cospherical points, for which Delaunay needs exact
+    // arithmetic; stirred by a ten-thousandth it takes half the time.
+    [[nodiscard]] Vec3 stir(std::size_t particle) const {
+        constexpr double kAmount = 1e-4;  // Of a cell.
+        const auto random = [&](std::uint64_t draw) {
+            return kAmount * (hash_random(options_.seed ^ 0x5715, particle, draw) - 0.5);
+        };
+        return {random(0), random(1), random(2)};
+    }
+
     void emit(Particles& particles) const {
         for (const Block& block : settled_) {
             emit(block, block.cell, block.size, particles);
@@ -256,7 +266,8 @@ private:
         }
         for (std::size_t site = 0; site < kSites; ++site) {
             if (block.is_whole || (block.sites >> site & 1U) != 0) {
-                const Vec3 x = origin_ + cell_ * (Vec3(cell[0], cell[1], cell[2]) + kLattice[site]);
+                const Vec3 x = origin_ + cell_ * (Vec3(cell[0], cell[1], cell[2]) + kLattice[site] +
+                                                  stir(particles.size()));
                 particles.add(x, ParticleKind::Volume, kNone, sizing_.h(x), Vec3::Zero());
             }
         }

@@ -67,6 +67,7 @@ std::vector<Case> cases() {
     const double ball = enclosed_volume(sphere);
     const SurfaceMesh fork = bifurcation();
     const double fork_volume = enclosed_volume(fork);
+    const SurfaceMesh stairs = staircase_ball();
     std::vector<Case> all{
         {"sphere", sphere, 0.15, ball},
         {"torus", torus(1.0, 0.4, 64, 32), 0.15, 2 * M_PI * M_PI * 0.16, 0.03},
@@ -77,7 +78,7 @@ std::vector<Case> cases() {
         {"soup_with_flips", as_soup(with_triangles_flipped(fork, 0.1, 1)), 0.06, fork_volume},
         {"holes", with_triangles_removed(fork, 0.05, 2), 0.06, fork_volume},
         {"noise", with_noise(sphere, 0.02, 3), 0.15, ball, 0.03},
-        {"staircase", staircase_ball(), 1.2, 4.0 / 3.0 * M_PI * 512.0, 0.03},
+        {"staircase", stairs, 1.2, enclosed_volume(stairs), 0.03},
         {"two_balls", join(sphere, transformed(sphere, Eigen::Matrix3d::Identity(), Vec3(3, 0, 0))),
          0.15, 2 * ball},
         {"aorta", read_file(REMESH_TEST_DATA_DIR "/aorta.stl"), 3.0},
