@@ -1,5 +1,7 @@
 #include "core/stages/prepare.h"
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -34,6 +36,7 @@ constexpr double kFineEdge = 1.6;       // unless the mean edge is longer than t
 // surfaces, badly damaged ones included, were above 0.45, random triangles at 0.13.
 constexpr double kLeastSkin = 0.3;
 constexpr double kLeastVolume = 0.2;  // Of h^3.
+constexpr double kLeastDepth = 0.1;   // Of h, across the plane that fits best.
 
 /// Middles and starts of the edges that an odd number of triangles have, at most `most`.
 Points open_edge_points(const SurfaceMesh& surface,
@@ -110,6 +113,7 @@ public:
 
     PrepareResult prepare(const SurfaceMesh& input) {
         clean(input);
+        require_depth();
         run_.report(0.1);
         orient();
         run_.report(0.25);
@@ -156,6 +160,33 @@ private:
             note("NON_MANIFOLD_EDGES",
                  count_of(facts.non_manifold_edges, "edge") + " with more than two triangles",
                  facts.non_manifold_edges);
+        }
+    }
+
+    // Triangles in one plane hold nothing, though a sheet that folds back on itself may pass for
+    // the skin of a body.
+    void require_depth() {
+        const Points& points = result_.cleaned.vertices;
+        Vec3 mean = Vec3::Zero();
+        for (const Vec3& point : points) {
+            mean += point / static_cast<double>(points.size());
+        }
+        Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+        for (const Vec3& point : points) {
+            spread += (point - mean) * (point - mean).transpose();
+        }
+        const Vec3 normal =
+            Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
+        double low = 0.0;
+        double high = 0.0;
+        for (const Vec3& point : points) {
+            const double height = (point - mean).dot(normal);
+            low = std::min(low, height);
+            high = std::max(high, height);
+        }
+        if (high - low < kLeastDepth * h_) {
+            throw Error(ErrorCode::Unmeshable,
+                        "the triangles lie in one plane: they enclose no body");
         }
     }
 

@@ -293,6 +293,19 @@ TEST(PrepareSurface, RefusesAFlatSheet) {
     expect_error(ErrorCode::Unmeshable, "enclose no body", [&] { prepare(mesh, 0.1); });
 }
 
+TEST(PrepareSurface, RefusesASheetThatFoldsBackOnItself) {
+    SurfaceMesh sheet;
+    for (int i = 0; i < 400; ++i) {
+        sheet.vertices.emplace_back(std::fmod(37.7 * i, 100.0), std::fmod(61.3 * i, 100.0), 5.0);
+    }
+    for (Index i = 0; i + 2 < 400; ++i) {
+        sheet.triangles.push_back({i, i + 1, i + 2});
+    }
+
+    RunContext run;
+    EXPECT_THROW(prepare_surface(sheet, 3.0, {}, run), Error);
+}
+
 TEST(PrepareSurface, RefusesRandomTriangles) {
     SurfaceMesh mesh;
     for (Index i = 0; i < 300; ++i) {
