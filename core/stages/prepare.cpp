@@ -36,7 +36,7 @@ constexpr double kFineEdge = 1.6;       // unless the mean edge is longer than t
 // surfaces, badly damaged ones included, were above 0.45, random triangles at 0.13.
 constexpr double kLeastSkin = 0.3;
 constexpr double kLeastVolume = 0.2;  // Of h^3.
-constexpr double kLeastDepth = 0.1;   // Of h, across the plane that fits best.
+constexpr double kLeastDepth = 1e-3;  // Of the diagonal, across the plane that fits best.
 
 /// Middles and starts of the edges that an odd number of triangles have, at most `most`.
 Points open_edge_points(const SurfaceMesh& surface,
@@ -184,7 +184,7 @@ private:
             low = std::min(low, height);
             high = std::max(high, height);
         }
-        if (high - low < kLeastDepth * h_) {
+        if (high - low < kLeastDepth * bounding_box(points).diagonal()) {
             throw Error(ErrorCode::Unmeshable,
                         "the triangles lie in one plane: they enclose no body");
         }

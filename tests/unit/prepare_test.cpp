@@ -302,8 +302,7 @@ TEST(PrepareSurface, RefusesASheetThatFoldsBackOnItself) {
         sheet.triangles.push_back({i, i + 1, i + 2});
     }
 
-    RunContext run;
-    EXPECT_THROW(prepare_surface(sheet, 3.0, {}, run), Error);
+    expect_error(ErrorCode::Unmeshable, "enclose no body", [&] { prepare(sheet, 3.0); });
 }
 
 TEST(PrepareSurface, RefusesRandomTriangles) {
