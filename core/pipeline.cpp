@@ -128,7 +128,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto prepared = prepare_surface(input, h, options.prepare, run);
     const Domain& domain = *prepared.domain;
     if (run.wants_preview()) {
-        run.preview(decimate(domain.boundary()));
+        run.preview(cluster(domain.boundary()));
     }
 
     clock.enter(Stage::Features);
@@ -159,7 +159,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
     delaunay = {};
     if (run.wants_preview()) {
-        run.preview(decimate(boundary_surface(carved.mesh)));
+        run.preview(cluster(boundary_surface(carved.mesh)));
     }
 
     clock.enter(Stage::Improve);
