@@ -4,6 +4,8 @@
 #include <map>
 #include <string>
 
+#include "client/formats.h"
+
 namespace remesh::client {
 namespace {
 
@@ -35,6 +37,22 @@ template <typename Setter>
 void add_switch(CLI::App& command, const std::string& name, const std::string& help, Setter set) {
     command.add_flag_function(
         name, [set](std::int64_t) { set(); }, help);
+}
+
+void add_file_options(CLI::App& command, JobArguments& arguments) {
+    command.add_option("IN", arguments.inputs, "Surfaces to remesh; - is stdin")
+        ->type_name("FILE")
+        ->required();
+    command
+        .add_option("--format", arguments.formats,
+                    "Format wanted back where no name says it, e.g. vtu, msh22 (repeatable)")
+        ->type_name("FORMAT")
+        ->allow_extra_args(false);
+    add_value<std::string>(command, "--input-format", "FORMAT",
+                           "Format of the input; found from its content if absent",
+                           [&](const std::string& word) {
+                               arguments.spec.mutable_input()->set_format(format_named(word));
+                           });
 }
 
 void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
@@ -155,7 +173,9 @@ void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
 
 }  // namespace
 
-void add_job_options(CLI::App& command, v1::JobSpec& spec) {
+void add_job_arguments(CLI::App& command, JobArguments& arguments) {
+    v1::JobSpec& spec = arguments.spec;
+    add_file_options(command, arguments);
     add_mesh_options(command, spec);
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
