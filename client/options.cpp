@@ -4,6 +4,8 @@
 #include <map>
 #include <string>
 
+#include "client/sizing_options.h"
+
 namespace remesh::client {
 namespace {
 
@@ -45,8 +47,6 @@ void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
     add_switch(command, "--surface-only", "No tetrahedra", [&] { options.set_tetrahedra(false); });
     add_value<std::uint64_t>(command, "--seed", "N", "Changes where particles start",
                              [&](std::uint64_t x) { options.set_seed(x); });
-    add_switch(command, "--no-thickness-guard", "Don't refine where the body is thin",
-               [&] { options.mutable_sizing()->set_guard_thickness(false); });
     v1::Frame& frame = *spec.mutable_input()->mutable_frame();
     add_choice<v1::Unit>(
         command, "--unit",
@@ -157,6 +157,7 @@ void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
 
 void add_job_options(CLI::App& command, v1::JobSpec& spec) {
     add_mesh_options(command, spec);
+    add_sizing_options(command, *spec.mutable_options()->mutable_sizing());
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
     add_improvement_options(command, *spec.mutable_options());
