@@ -5,6 +5,7 @@
 #include <string>
 
 #include "client/formats.h"
+#include "client/sizing_options.h"
 
 namespace remesh::client {
 namespace {
@@ -63,8 +64,6 @@ void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
     add_switch(command, "--surface-only", "No tetrahedra", [&] { options.set_tetrahedra(false); });
     add_value<std::uint64_t>(command, "--seed", "N", "Changes where particles start",
                              [&](std::uint64_t x) { options.set_seed(x); });
-    add_switch(command, "--no-thickness-guard", "Don't refine where the body is thin",
-               [&] { options.mutable_sizing()->set_guard_thickness(false); });
     v1::Frame& frame = *spec.mutable_input()->mutable_frame();
     add_choice<v1::Unit>(
         command, "--unit",
@@ -177,6 +176,7 @@ void add_job_arguments(CLI::App& command, JobArguments& arguments) {
     v1::JobSpec& spec = arguments.spec;
     add_file_options(command, arguments);
     add_mesh_options(command, spec);
+    add_sizing_options(command, *spec.mutable_options()->mutable_sizing());
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
     add_improvement_options(command, *spec.mutable_options());

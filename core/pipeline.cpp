@@ -135,8 +135,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     const FeatureSet features = find_features(prepared, h, options.features, run);
 
     clock.enter(Stage::Sizing);
-    const auto sizing = build_sizing_field(
-        domain, {.edge_length = h, .guard_thickness = options.guard_thickness}, run);
+    const auto sizing = build_sizing_field(domain, features, h, options.sizing, run);
 
     clock.enter(Stage::Seed);
     Particles particles = seed_surface(domain, features, *sizing, options.seed, run);
@@ -194,6 +193,7 @@ void validate(const RemeshOptions& options) {
     }
     validate(options.prepare);
     validate(options.features);
+    validate(options.sizing, options.edge_length);
     validate(options.seed);
     validate(options.relax);
     validate(options.carve);
