@@ -7,6 +7,8 @@
 #include <prometheus/text_serializer.h>
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <array>
 #include <fstream>
 #include <sstream>
 #include <unistd.h>
@@ -18,7 +20,7 @@
 namespace remesh {
 namespace {
 
-using prometheus::Histogram;
+using Buckets = prometheus::Histogram::BucketBoundaries;
 
 constexpr std::array kStates{JobState::Queued,     JobState::Running, JobState::Cancelling,
                              JobState::Succeeded,  JobState::Failed,  JobState::Cancelled,
@@ -38,9 +40,9 @@ const char* name_of(JobState state) {
 }
 
 /// From a part of a second to a day.
-const Histogram::BucketBoundaries& durations() {
-    static const Histogram::BucketBoundaries bounds{0.1, 0.3,   1.0,    3.0,    10.0,     30.0,
-                                                    100, 300.0, 1000.0, 3000.0, 10'000.0, 86'400.0};
+const Buckets& durations() {
+    static const Buckets bounds{0.1, 0.3,   1.0,    3.0,    10.0,     30.0,
+                                100, 300.0, 1000.0, 3000.0, 10'000.0, 86'400.0};
     return bounds;
 }
 
@@ -86,7 +88,7 @@ double open_files() {
 struct Metrics::Families {
     using Counters = prometheus::Family<prometheus::Counter>;
     using Gauges = prometheus::Family<prometheus::Gauge>;
-    using Histograms = prometheus::Family<Histogram>;
+    using Histograms = prometheus::Family<prometheus::Histogram>;
 
     Counters& counter(const std::string& name, const std::string& help) {
         return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
@@ -109,8 +111,9 @@ struct Metrics::Families {
     prometheus::Counter& given_back =
         counter("remesh_attempts_given_back_total", "Attempts given back by a server that stopped.")
             .Add({});
-    Histogram& wait = histogram("remesh_queue_wait_seconds", "From creation to the first attempt.")
-                          .Add({}, durations());
+    prometheus::Histogram& wait =
+        histogram("remesh_queue_wait_seconds", "From creation to the first attempt.")
+            .Add({}, durations());
     Histograms& run = histogram("remesh_attempt_duration_seconds",
                                 "From the start of a job's last attempt to its end, by state.");
     Histograms& stage = histogram("remesh_stage_duration_seconds", "Wall time of a stage.");
