@@ -33,8 +33,8 @@ struct Part {
 /// A part as something to ask for the inside.
 struct Body {
     std::size_t part = 0;
-    std::unique_ptr<Bvh> bvh{};
-    std::unique_ptr<WindingNumber> winding{};
+    std::unique_ptr<Bvh> bvh{};                // Made when first asked.
+    std::unique_ptr<WindingNumber> winding{};  // Likewise.
 };
 
 /// How a part lies with regard to another one.
@@ -146,13 +146,27 @@ private:
         }
     }
 
-    [[nodiscard]] Relation relate(const Part& part, const Body& body) const {
+    void make_ready(Body& body) const {
+        if (body.bvh) {
+            return;
+        }
+        std::vector<Triangle> triangles;
+        triangles.reserve(parts_[body.part].triangles.size());
+        for (const Index i : parts_[body.part].triangles) {
+            triangles.push_back(surface_.triangles[static_cast<std::size_t>(i)]);
+        }
+        body.bvh = std::make_unique<Bvh>(surface_.vertices, triangles);
+        body.winding = std::make_unique<WindingNumber>(surface_.vertices, triangles);
+    }
+
+    [[nodiscard]] Relation relate(const Part& part, Body& body) const {
         const Part& other = parts_[body.part];
         const Vec3 margin = Vec3::Constant(h_);
         if ((part.box.low.array() > (other.box.high + margin).array()).any() ||
             (part.box.high.array() < (other.box.low - margin).array()).any()) {
             return {};
         }
+        make_ready(body);
         std::size_t samples = 0;
         std::size_t inside = 0;
         std::size_t near = 0;
@@ -196,7 +210,7 @@ private:
     void place(std::size_t i, bool is_notable) {
         Part& part = parts_[i];
         const Part* container = nullptr;
-        for (const Body& body : bodies_) {
+        for (Body& body : bodies_) {
             const Relation relation = relate(part, body);
             if (relation.is_second_wall) {
                 part.is_dropped = true;
@@ -223,15 +237,7 @@ private:
             }
         }
         if (bodies_.size() < kMaxParts && is_notable) {
-            std::vector<Triangle> triangles;
-            triangles.reserve(part.triangles.size());
-            for (const Index k : part.triangles) {
-                triangles.push_back(surface_.triangles[static_cast<std::size_t>(k)]);
-            }
-            bodies_.push_back(
-                {.part = i,
-                 .bvh = std::make_unique<Bvh>(surface_.vertices, triangles),
-                 .winding = std::make_unique<WindingNumber>(surface_.vertices, triangles)});
+            bodies_.push_back({.part = i});
         }
     }
 

@@ -15,6 +15,7 @@
 #include "core/error.h"
 #include "core/geometry/edge_table.h"
 #include "core/geometry/surface_domain.h"
+#include "core/geometry/wide_tree.h"
 #include "core/geometry/winding_number.h"
 #include "core/parallel.h"
 #include "core/stages/clean.h"
@@ -70,7 +71,21 @@ void append(SurfaceMesh& to, const SurfaceMesh& patches) {
     }
 }
 
-void drop_unused_vertices(SurfaceMesh& surface) {
+/// Sorts triangles so that neighbours in space are neighbours in memory, and vertices by their
+/// first use; unused ones go.
+void sort_in_space(SurfaceMesh& surface) {
+    const auto order = build_wide_tree(surface.vertices, surface.triangles).order;
+    std::vector<Triangle> triangles;
+    std::vector<std::int32_t> patch;
+    triangles.reserve(order.size());
+    for (const Index i : order) {
+        triangles.push_back(surface.triangles[static_cast<std::size_t>(i)]);
+        if (!surface.patch.empty()) {
+            patch.push_back(surface.patch[static_cast<std::size_t>(i)]);
+        }
+    }
+    surface.triangles = std::move(triangles);
+    surface.patch = std::move(patch);
     std::vector<Index> renamed(surface.vertices.size(), kNone);
     Points used;
     used.reserve(surface.vertices.size());
@@ -123,7 +138,7 @@ public:
         if (options_.close_holes) {
             close(winding);
         }
-        drop_unused_vertices(skin_);
+        sort_in_space(skin_);
         run_.report(0.6);
         require_body();
         Points normals;

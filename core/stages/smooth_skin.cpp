@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/geometry/bvh.h"
 #include "core/geometry/edge_table.h"
 #include "core/geometry/mollified_winding.h"
 #include "core/parallel.h"
@@ -21,7 +22,11 @@ class Smoother {
 public:
     Smoother(SurfaceMesh skin, const WindingNumber& winding, const SmoothOptions& options,
              RunContext& run)
-        : raw_(std::move(skin)), field_(winding), options_(options), run_(run) {}
+        : raw_(std::move(skin)),
+          bvh_(raw_.vertices, raw_.triangles),
+          field_(winding),
+          options_(options),
+          run_(run) {}
 
     SmoothResult smooth() {
         result_.surface = raw_;
@@ -116,8 +121,19 @@ private:
         if (!(slope > 0.0)) {
             return false;
         }
-        const Vec3 depth = sample.gradient * (0.45 * radius / slope);
+        const Vec3 inward = sample.gradient / slope;
+        if (!has_wall(x, inward, radius) && !has_wall(x, -inward, radius)) {
+            return true;
+        }
+        const Vec3 depth = 0.45 * radius * inward;
         return field_.at(x + depth, radius).value > 0.8 && field_.at(x - depth, radius).value < 0.2;
+    }
+
+    /// Whether another wall lies within the radius.
+    [[nodiscard]] bool has_wall(const Vec3& x, const Vec3& direction, double radius) const {
+        return bvh_
+            .first_hit(x, direction, 0.1 * radius, radius, [](double, Index) { return true; })
+            .has_value();
     }
 
     void find_closed_parts() {
@@ -227,6 +243,7 @@ private:
     }
 
     SurfaceMesh raw_;
+    Bvh bvh_;
     MollifiedWinding field_;
     const SmoothOptions& options_;
     RunContext& run_;
