@@ -44,10 +44,14 @@ public:
                !CGAL::collinear(exact(a), exact(b), exact(c));
     }
 
-    [[nodiscard]] bool meet(Index first, Index second) const {
+    [[nodiscard]] bool meet(Index first, Index second, bool only_apart) const {
         Triangle s = triangles_[first];
         Triangle t = triangles_[second];
-        switch (shared_to_front(s, t)) {
+        const std::size_t shared = shared_to_front(s, t);
+        if (only_apart && shared > 0) {
+            return false;
+        }
+        switch (shared) {
             case 0: return meet_apart(s, t);
             case 1: return meet_beyond_vertex(s, t);
             case 2: return meet_beyond_edge(s, t);
@@ -153,7 +157,7 @@ Crossings find_crossings(const Points& vertices, const std::vector<Triangle>& tr
         tree.overlaps_from(leaf, [&](Index a, Index b) {
             ++looked_at;
             const auto pair = std::minmax(proper[a], proper[b]);
-            if (pairs.meet(pair.first, pair.second)) {
+            if (pairs.meet(pair.first, pair.second, limits.only_apart)) {
                 mine.emplace_back(pair);
             }
         });

@@ -12,6 +12,7 @@ namespace remesh {
 
 /// Bounds of a search, for surfaces that nobody has looked at yet.
 struct CrossingLimits {
+    bool only_apart = false;  ///< Leaves out pairs with a common vertex: far cheaper.
     std::size_t pairs = std::numeric_limits<std::size_t>::max();
     std::size_t candidates = std::numeric_limits<std::size_t>::max();  ///< Pairs of boxes.
 };
