@@ -9,6 +9,7 @@
 #include "core/geometry/edge_table.h"
 #include "core/geometry/mollified_winding.h"
 #include "core/parallel.h"
+#include "core/stages/chord_offset.h"
 #include "core/stages/surface_math.h"
 
 namespace remesh {
@@ -40,6 +41,7 @@ public:
         if (!result_.noisy) {
             restore_volumes();
         }
+        move_outward();
         measure();
         if (result_.noisy) {
             drop_unmoved();
@@ -210,6 +212,14 @@ private:
                 surface.vertices[i] = raw_.vertices[i];
                 result_.normals[i] = raw_normals_[i];
             }
+        }
+    }
+
+    /// So that the triangles to come, chords of this surface, enclose what it encloses now.
+    void move_outward() {
+        const auto offset = chord_offsets(result_.surface, result_.normals, options_.h);
+        for (std::size_t i = 0; i < offset.size(); ++i) {
+            result_.surface.vertices[i] += offset[i] * result_.normals[i];
         }
     }
 
