@@ -12,6 +12,7 @@
 #include "core/mesh/preview.h"
 #include "core/mesh/quality.h"
 #include "core/stages/tetrahedralize.h"
+#include "core/stages/text.h"
 #include "core/stages/verify.h"
 
 namespace remesh {
@@ -92,6 +93,20 @@ std::vector<WorstElement> worst_tets(const TetMesh& mesh) {
     return worst;
 }
 
+/// \throws Error{Unmeshable} with the place, after showing the surface
+void require_valid(const TetMesh& mesh, RunContext& run) {
+    const Faults faults = check_tets(mesh, run);
+    if (!faults.any()) {
+        return;
+    }
+    const Vec3& at = mesh.vertices[static_cast<std::size_t>(faults.fault_vertices.front())];
+    const std::string message = "no valid mesh was found at this edge length: " + faults.summary() +
+                                ", first near " + text_of(at);
+    run.warn({.code = "INVALID_RESULT", .message = message, .at = at});
+    run.preview(decimate(boundary_surface(mesh)));
+    throw Error(ErrorCode::Unmeshable, message);
+}
+
 double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
@@ -168,11 +183,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     particles = {};
 
     clock.enter(Stage::Verify);
-    const Faults faults = check_tets(improved.mesh, run);
-    if (faults.any()) {
-        throw Error(ErrorCode::Unmeshable,
-                    "no valid mesh was found at this edge length: " + faults.summary());
-    }
+    require_valid(improved.mesh, run);
     result.surface = boundary_surface(improved.mesh);
     if (options.tetrahedra) {
         result.tets = std::move(improved.mesh);

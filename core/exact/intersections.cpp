@@ -1,10 +1,12 @@
 #include "core/exact/intersections.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
 
 #include "core/exact/box_tree.h"
@@ -17,6 +19,7 @@ using Point = Kernel::Point_3;
 using Segment = Kernel::Segment_3;
 using Pair = std::pair<Index, Index>;
 
+constexpr std::size_t kLeavesBetweenCheckpoints = 256;
 constexpr double kSurelyNotCollinear = 1e-10;  // Height over longest edge, far above rounding.
 
 Point exact(const Vec3& p) {
@@ -41,10 +44,14 @@ public:
                !CGAL::collinear(exact(a), exact(b), exact(c));
     }
 
-    [[nodiscard]] bool meet(Index first, Index second) const {
+    [[nodiscard]] bool meet(Index first, Index second, bool only_apart) const {
         Triangle s = triangles_[first];
         Triangle t = triangles_[second];
-        switch (shared_to_front(s, t)) {
+        const std::size_t shared = shared_to_front(s, t);
+        if (only_apart && shared > 0) {
+            return false;
+        }
+        switch (shared) {
             case 0: return meet_apart(s, t);
             case 1: return meet_beyond_vertex(s, t);
             case 2: return meet_beyond_edge(s, t);
@@ -122,8 +129,9 @@ Box box_of(const Points& vertices, const Triangle& triangle) {
 
 }  // namespace
 
-std::vector<Pair> self_intersections(const Points& vertices,
-                                     const std::vector<Triangle>& triangles) {
+Crossings find_crossings(const Points& vertices, const std::vector<Triangle>& triangles,
+                         const CrossingLimits& limits, const std::function<void()>& checkpoint) {
+    checkpoint();
     const TrianglePairs pairs(vertices, triangles);
     std::vector<Index> proper;
     std::vector<Box> boxes;
@@ -138,22 +146,47 @@ std::vector<Pair> self_intersections(const Points& vertices,
 
     const BoxTree tree(boxes);
     tbb::enumerable_thread_specific<std::vector<Pair>> found;
-    tbb::parallel_for(std::size_t{0}, tree.leaves(), [&](std::size_t leaf) {
-        auto& mine = found.local();
+    std::atomic<std::size_t> pair_count = 0;
+    std::atomic<std::size_t> candidates = 0;
+    const auto is_beyond = [&] {
+        return pair_count > limits.pairs || candidates > limits.candidates;
+    };
+    const auto search = [&](std::size_t leaf, std::vector<Pair>& mine) {
+        const std::size_t before = mine.size();
+        std::size_t looked_at = 0;
         tree.overlaps_from(leaf, [&](Index a, Index b) {
+            ++looked_at;
             const auto pair = std::minmax(proper[a], proper[b]);
-            if (pairs.meet(pair.first, pair.second)) {
+            if (pairs.meet(pair.first, pair.second, limits.only_apart)) {
                 mine.emplace_back(pair);
             }
         });
-    });
+        pair_count += mine.size() - before;
+        candidates += looked_at;
+    };
+    using Leaves = tbb::blocked_range<std::size_t>;
+    tbb::parallel_for(
+        Leaves(0, tree.leaves(), kLeavesBetweenCheckpoints),
+        [&](const Leaves& some) {
+            checkpoint();
+            auto& mine = found.local();
+            for (std::size_t leaf = some.begin(); leaf != some.end() && !is_beyond(); ++leaf) {
+                search(leaf, mine);
+            }
+        },
+        tbb::simple_partitioner());
 
-    std::vector<Pair> all;
+    Crossings all{.is_complete = !is_beyond()};
     for (const auto& some : found) {
-        all.insert(all.end(), some.begin(), some.end());
+        all.pairs.insert(all.pairs.end(), some.begin(), some.end());
     }
-    std::sort(all.begin(), all.end());
+    std::sort(all.pairs.begin(), all.pairs.end());
     return all;
+}
+
+std::vector<Pair> self_intersections(const Points& vertices, const std::vector<Triangle>& triangles,
+                                     const std::function<void()>& checkpoint) {
+    return find_crossings(vertices, triangles, {}, checkpoint).pairs;
 }
 
 int orientation_sign(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {

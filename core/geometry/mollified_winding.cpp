@@ -23,7 +23,10 @@ constexpr float kNormal =
 
 using Vec3f = Eigen::Vector3f;
 
-/// Sums what area elements near a point add to the field and its gradient, four at a time.
+/// Sums what area elements near a point add to the field and its gradient.
+///
+/// Elements are kept until there are many: reading four numbers at once right after they were
+/// written one by one would stall.
 class NearSum {
 public:
     explicit NearSum(float radius) : inverse_(1.0F / radius) {}
@@ -31,36 +34,51 @@ public:
     /// \param offset  of the element from the point
     /// \param area    area vector of the element
     void add(const Vec3f& offset, const Vec3f& area) {
-        const auto lane = static_cast<Eigen::Index>(count_++);
+        const auto lane = static_cast<Eigen::Index>(count_ % 4);
+        auto& pack = packs_[count_ / 4];
         for (std::size_t d = 0; d < 3; ++d) {
-            offset_[d][lane] = offset[static_cast<Eigen::Index>(d)] * inverse_;
-            area_[d][lane] = area[static_cast<Eigen::Index>(d)] * inverse_ * inverse_;
+            pack.offset[d][lane] = offset[static_cast<Eigen::Index>(d)];
+            pack.area[d][lane] = area[static_cast<Eigen::Index>(d)];
         }
-        if (count_ == 4) {
+        if (++count_ == 4 * kPacks) {
             flush();
         }
     }
 
     void finish() {
-        for (std::size_t lane = count_; lane < 4; ++lane) {
-            for (std::size_t d = 0; d < 3; ++d) {
-                offset_[d][static_cast<Eigen::Index>(lane)] = 2.0F;
-                area_[d][static_cast<Eigen::Index>(lane)] = 0.0F;
-            }
+        while (count_ % 4 != 0) {
+            add(Vec3f::Constant(2.0F / inverse_), Vec3f::Zero());
         }
         flush();
     }
 
-    [[nodiscard]] float value() const { return value_.sum(); }
+    [[nodiscard]] float value() const { return inverse_ * inverse_ * value_.sum(); }
     [[nodiscard]] Vec3f gradient() const {
-        return inverse_ * Vec3f(gradient_[0].sum(), gradient_[1].sum(), gradient_[2].sum());
+        return inverse_ * inverse_ * inverse_ *
+               Vec3f(gradient_[0].sum(), gradient_[1].sum(), gradient_[2].sum());
     }
 
 private:
+    static constexpr std::size_t kPacks = 16;
+
+    struct Pack {
+        std::array<Lanes, 3> offset;
+        std::array<Lanes, 3> area;
+    };
+
     void flush() {
-        const Lanes u2 =
-            offset_[0] * offset_[0] + offset_[1] * offset_[1] + offset_[2] * offset_[2];
-        const Lanes dipole = offset_[0] * area_[0] + offset_[1] * area_[1] + offset_[2] * area_[2];
+        for (std::size_t i = 0; i < count_ / 4; ++i) {
+            sum(packs_[i]);
+        }
+        count_ = 0;
+    }
+
+    void sum(const Pack& pack) {
+        const Lanes x = pack.offset[0] * inverse_;
+        const Lanes y = pack.offset[1] * inverse_;
+        const Lanes z = pack.offset[2] * inverse_;
+        const Lanes u2 = x * x + y * y + z * z;
+        const Lanes dipole = x * pack.area[0] + y * pack.area[1] + z * pack.area[2];
         // Share of the kernel within u, over u^3.
         const Lanes within =
             kNormal * ((1.0F / 3.0F - u2 * (0.4F - u2 * (1.0F / 7.0F))) -
@@ -71,15 +89,13 @@ private:
         const Lanes rest = 1.0F - u2;
         const Lanes density = is_beyond.select(0.0F, kNormal * rest * rest * (1.0F - kShape * u2));
         for (std::size_t d = 0; d < 3; ++d) {
-            gradient_[d] -= area_[d] * density;
+            gradient_[d] -= pack.area[d] * density;
         }
-        count_ = 0;
     }
 
     float inverse_;
     std::size_t count_ = 0;
-    std::array<Lanes, 3> offset_;
-    std::array<Lanes, 3> area_;
+    std::array<Pack, kPacks> packs_;
     Lanes value_ = Lanes::Zero();
     std::array<Lanes, 3> gradient_{Lanes::Zero(), Lanes::Zero(), Lanes::Zero()};
 };

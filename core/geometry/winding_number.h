@@ -34,8 +34,9 @@ struct WindingTree {
     std::vector<Leaf> leaves{};
 
     /// Dipole and first-order terms of a node's four groups for the offsets d of their centers.
-    [[nodiscard]] static Lanes far_terms(const Node& node, const std::array<Lanes, 3>& d,
-                                         const Lanes& distance2) {
+    [[nodiscard, gnu::always_inline]] static Lanes far_terms(const Node& node,
+                                                             const std::array<Lanes, 3>& d,
+                                                             const Lanes& distance2) {
         const Lanes inverse2 = 1.0F / distance2;
         const Lanes inverse3 = inverse2 * inverse2.sqrt();
         const Lanes dipole = node.area[0] * d[0] + node.area[1] * d[1] + node.area[2] * d[2];

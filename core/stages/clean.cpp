@@ -289,7 +289,10 @@ private:
                 on_rim[static_cast<std::size_t>(edge.high)] = 1;
                 rims.merge(edge.low, edge.high);
             } else if (edge.count > 2) {
-                ++facts.non_manifold_edges;
+                if (facts.non_manifold_edges++ == 0) {
+                    result_.first_non_manifold =
+                        surface.vertices[static_cast<std::size_t>(edge.low)];
+                }
             } else {
                 const bool same = start_of(surface.triangles, halves[0]) ==
                                   start_of(surface.triangles, halves[1]);

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
 #include "core/stages/prepare.h"
@@ -11,6 +14,7 @@ struct CleanResult {
     SurfaceMesh surface{};  ///< Unused vertices left out.
     InputFacts facts{};     ///< All but the volume.
     std::vector<Defect> defects{};
+    std::optional<Vec3> first_non_manifold{};  ///< An edge with more than two triangles.
 };
 
 /// Welds equal positions; drops triangles that aren't finite, have no area, or repeat another one

@@ -24,7 +24,7 @@ struct HoleResult {
 /// Triangulates the level w = 1/2 of the winding number where the skin is open.
 ///
 /// Marches over tets of a sparse grid, grown from the seeds along the level as long as it isn't
-/// already covered by the skin; vertices are placed by bisection.
+/// already covered by the skin; vertices are placed by regula falsi.
 ///
 /// \param winding  of the whole oriented surface
 /// \param skin     what is there already

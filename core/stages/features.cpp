@@ -7,6 +7,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "core/geometry/bvh.h"
 #include "core/geometry/edge_table.h"
 #include "core/stages/surface_math.h"
 
@@ -16,6 +17,8 @@ namespace {
 constexpr double kConsistentDensity = 0.35;  // Sharp-edge density below which edges are features,
 constexpr double kCoarseEdge = 2.5;          // or mean edge over h above which they are.
 constexpr double kTipDeficit = 1.2;          // Missing angle around a point-like tip, radians.
+constexpr double kShortCurve = 2.0;          // Times h: sets whose curves are shorter are noise.
+constexpr double kBeyondRim = 0.6;           // Of h: where the other side of a seam is looked for.
 constexpr double kOffBoundary = 0.05;        // Of h: how far off the domain a feature may lie.
 
 double cosine_of(double degrees) {
@@ -35,9 +38,12 @@ public:
 
     FeatureSet find() {
         find_sharp_edges();
-        drop_short_sets();
         build_adjacency();
-        find_corners();
+        mark_corners();
+        drop_noise();
+        build_adjacency();
+        mark_corners();
+        collect_corners();
         chain();
         find_tips();
         return std::move(result_);
@@ -72,7 +78,7 @@ private:
         run_.checkpoint();
     }
 
-    [[nodiscard]] bool is_sharp(const EdgeTable::Edge& edge) const {
+    [[nodiscard]] bool is_sharp(const EdgeTable::Edge& edge) {
         const auto halves = table_.half_edges(edge);
         if (edge.count == 1) {
             return is_sharp_rim(halves[0]);
@@ -81,27 +87,44 @@ private:
                normal(halves[0]).dot(normal(halves[1])) < cosine_of(options_.sharp_angle);
     }
 
-    /// Whether the patch that closes a hole bends at the hole's rim.
-    [[nodiscard]] bool is_sharp_rim(EdgeTable::HalfEdge half) const {
+    /// Whether the input goes on beyond an open rim (a seam that doesn't join) and bends there.
+    [[nodiscard]] bool is_sharp_rim(EdgeTable::HalfEdge half) {
+        if (bvh_.empty()) {
+            bvh_ = Bvh(surface_.vertices, surface_.triangles);
+        }
         const Vec3& a = at(start_of(surface_.triangles, half));
         const Vec3& b = at(end_of(surface_.triangles, half));
         const Vec3 n = normal(half);
         const Vec3 away = (b - a).normalized().cross(n);
-        const auto beyond = domain_.closest(0.5 * (a + b) + 0.6 * h_ * away);
-        return n.dot(beyond.normal) < cosine_of(options_.sharp_angle);
+        const auto beyond = domain_.closest(0.5 * (a + b) + kBeyondRim * h_ * away);
+        const double reach = kOffBoundary * h_;
+        return bvh_.closest(beyond.point, reach * reach).has_value() &&
+               n.dot(beyond.normal) < cosine_of(options_.sharp_angle);
     }
 
-    void drop_short_sets() {
+    /// Connected sets that are short, or of short curves between corners, aren't features.
+    void drop_noise() {
         DisjointSets sets(surface_.vertices.size());
+        is_sharp_vertex_.assign(surface_.vertices.size(), 0);
         for (const Segment& s : segments_) {
             sets.merge(s.a, s.b);
+            is_sharp_vertex_[static_cast<std::size_t>(s.a)] = 1;
+            is_sharp_vertex_[static_cast<std::size_t>(s.b)] = 1;
         }
+        const auto set_of = [&](Index v) { return static_cast<std::size_t>(sets.find(v)); };
         std::vector<double> length(surface_.vertices.size(), 0.0);
+        std::vector<double> curves(surface_.vertices.size(), 0.0);
         for (const Segment& s : segments_) {
-            length[static_cast<std::size_t>(sets.find(s.a))] += (at(s.a) - at(s.b)).norm();
+            length[set_of(s.a)] += (at(s.a) - at(s.b)).norm();
+        }
+        for (std::size_t i = 0; i < is_corner_.size(); ++i) {
+            const auto v = static_cast<Index>(i);
+            curves[set_of(v)] += is_corner_[i] ? 0.5 * static_cast<double>(degree(v)) : 0.0;
         }
         std::erase_if(segments_, [&](const Segment& s) {
-            return length[static_cast<std::size_t>(sets.find(s.a))] < options_.min_length * h_;
+            const std::size_t set = set_of(s.a);
+            return length[set] < options_.min_length * h_ ||
+                   length[set] < kShortCurve * h_ * curves[set];
         });
     }
 
@@ -137,7 +160,7 @@ private:
         return segment.a == v ? segment.b : segment.a;
     }
 
-    void find_corners() {
+    void mark_corners() {
         is_corner_.assign(surface_.vertices.size(), 0);
         for (std::size_t i = 0; i < surface_.vertices.size(); ++i) {
             const auto v = static_cast<Index>(i);
@@ -150,9 +173,14 @@ private:
                 const Vec3 out = (at(other_end(segment(v, 1), v)) - at(v)).normalized();
                 corner = in.dot(out) < cosine_of(options_.corner_angle);
             }
-            if (corner) {
-                is_corner_[i] = 1;
-                result_.corners.push_back(at(v));
+            is_corner_[i] = corner;
+        }
+    }
+
+    void collect_corners() {
+        for (std::size_t i = 0; i < is_corner_.size(); ++i) {
+            if (is_corner_[i]) {
+                result_.corners.push_back(surface_.vertices[i]);
             }
         }
     }
@@ -212,8 +240,8 @@ private:
         }
         for (std::size_t i = 0; i < n; ++i) {
             const auto v = static_cast<Index>(i);
-            if (degree(v) == 0 && !is_open[i] && 2.0 * std::numbers::pi - angle[i] > kTipDeficit &&
-                is_on_boundary(at(v))) {
+            if (!is_sharp_vertex_[i] && !is_open[i] &&
+                2.0 * std::numbers::pi - angle[i] > kTipDeficit && is_on_boundary(at(v))) {
                 result_.corners.push_back(at(v));
             }
         }
@@ -225,11 +253,13 @@ private:
     const FeatureOptions& options_;
     RunContext& run_;
     EdgeTable table_;
+    Bvh bvh_;  // Of the input; made when there is an open rim.
     std::vector<Segment> segments_;
     std::vector<std::int32_t> first_;  // Segments at vertex v: incident_[first_[v] .. first_[v+1]).
     std::vector<Index> incident_;
     std::vector<char> is_used_;
     std::vector<char> is_corner_;
+    std::vector<char> is_sharp_vertex_;  // Before noise was dropped.
     FeatureSet result_;
 };
 

@@ -9,6 +9,7 @@
 #include "core/geometry/edge_table.h"
 #include "core/geometry/winding_number.h"
 #include "core/parallel.h"
+#include "core/stages/orient_sheets.h"
 #include "core/stages/surface_math.h"
 
 namespace remesh {
@@ -18,6 +19,7 @@ constexpr std::size_t kFewTriangles = 12;  // Pieces below are soup: oriented on
 constexpr std::size_t kMaxParts = 200;     // So many large parts are compared with one another.
 constexpr std::size_t kSamples = 60;       // Triangles of a part that are looked at.
 constexpr int kSoupPasses = 4;
+constexpr double kNotableSheet = 1e-3;  // Of all area: smaller sheets decide nothing.
 constexpr double kNotable = 1e-4;  // Of the largest part's area: below, a part contains nothing.
 
 struct Part {
@@ -33,8 +35,8 @@ struct Part {
 /// A part as something to ask for the inside.
 struct Body {
     std::size_t part = 0;
-    std::unique_ptr<Bvh> bvh{};
-    std::unique_ptr<WindingNumber> winding{};
+    std::unique_ptr<Bvh> bvh{};                // Made when first asked.
+    std::unique_ptr<WindingNumber> winding{};  // Likewise.
 };
 
 /// How a part lies with regard to another one.
@@ -55,6 +57,7 @@ public:
         }
         run_.checkpoint();
         nest_parts();
+        turn_sheets();
         drop_specks();
         drop_parts();
         turn_soup();
@@ -146,13 +149,27 @@ private:
         }
     }
 
-    [[nodiscard]] Relation relate(const Part& part, const Body& body) const {
+    void make_ready(Body& body) const {
+        if (body.bvh) {
+            return;
+        }
+        std::vector<Triangle> triangles;
+        triangles.reserve(parts_[body.part].triangles.size());
+        for (const Index i : parts_[body.part].triangles) {
+            triangles.push_back(surface_.triangles[static_cast<std::size_t>(i)]);
+        }
+        body.bvh = std::make_unique<Bvh>(surface_.vertices, triangles);
+        body.winding = std::make_unique<WindingNumber>(surface_.vertices, triangles);
+    }
+
+    [[nodiscard]] Relation relate(const Part& part, Body& body) const {
         const Part& other = parts_[body.part];
         const Vec3 margin = Vec3::Constant(h_);
         if ((part.box.low.array() > (other.box.high + margin).array()).any() ||
             (part.box.high.array() < (other.box.low - margin).array()).any()) {
             return {};
         }
+        make_ready(body);
         std::size_t samples = 0;
         std::size_t inside = 0;
         std::size_t near = 0;
@@ -196,7 +213,7 @@ private:
     void place(std::size_t i, bool is_notable) {
         Part& part = parts_[i];
         const Part* container = nullptr;
-        for (const Body& body : bodies_) {
+        for (Body& body : bodies_) {
             const Relation relation = relate(part, body);
             if (relation.is_second_wall) {
                 part.is_dropped = true;
@@ -223,27 +240,52 @@ private:
             }
         }
         if (bodies_.size() < kMaxParts && is_notable) {
-            std::vector<Triangle> triangles;
-            triangles.reserve(part.triangles.size());
-            for (const Index k : part.triangles) {
-                triangles.push_back(surface_.triangles[static_cast<std::size_t>(k)]);
-            }
-            bodies_.push_back(
-                {.part = i,
-                 .bvh = std::make_unique<Bvh>(surface_.vertices, triangles),
-                 .winding = std::make_unique<WindingNumber>(surface_.vertices, triangles)});
+            bodies_.push_back({.part = i});
         }
+    }
+
+    /// Open parts have no side of their own that is inside: they are turned together.
+    void turn_sheets() {
+        double area = 0.0;
+        for (const Part& part : parts_) {
+            area += part.is_dropped ? 0.0 : part.area;
+        }
+        std::vector<Part*> sheets;
+        std::vector<const std::vector<Index>*> triangles;
+        for (Part& part : parts_) {
+            if (!part.is_dropped && !part.is_closed && part.triangles.size() >= kFewTriangles &&
+                part.area > kNotableSheet * area && sheets.size() < kMaxParts) {
+                sheets.push_back(&part);
+                triangles.push_back(&part.triangles);
+            }
+        }
+        if (sheets.size() < 2) {
+            return;
+        }
+        const auto turned = find_turned_sheets(surface_, triangles, run_);
+        for (std::size_t i = 0; i < sheets.size(); ++i) {
+            if (turned[i]) {
+                turn(*sheets[i]);
+                note(turned_sheets_, first_turned_sheet_, *sheets[i]);
+            }
+        }
+    }
+
+    /// Whether a part is closed, or nearly: a ball has 0.094, half of one 0.1, a flat piece 0.
+    static bool has_volume(const Part& part) {
+        return part.is_closed || (part.triangles.size() >= kFewTriangles &&
+                                  std::abs(part.volume) > 0.03 * std::pow(part.area, 1.5));
     }
 
     void drop_specks() {
         double largest = 0.0;
         for (const Part& part : parts_) {
-            if (part.is_closed && !part.is_dropped) {
+            if (has_volume(part) && !part.is_dropped) {
                 largest = std::max(largest, std::abs(part.volume));
             }
         }
         for (Part& part : parts_) {
-            if (part.is_closed && !part.is_dropped &&
+            if (has_volume(part) && !part.is_dropped &&
                 std::abs(part.volume) < options_.speck_volume * largest) {
                 part.is_dropped = true;
                 note(specks_, first_speck_, part);
@@ -353,13 +395,15 @@ private:
         };
         add("INSIDE_OUT", inside_out_, first_inside_out_,
             count_of(inside_out_, "part") + " faced inward and turned around");
+        add("TURNED_SHEETS", turned_sheets_, first_turned_sheet_,
+            count_of(turned_sheets_, "open part") + " turned to enclose a body with the others");
         add("FLIPPED_TRIANGLES", flipped_, first_flipped_,
             count_of(flipped_, "triangle") + " faced against the neighbours and turned around");
         add("DOUBLE_WALL", double_walls_, first_double_wall_,
             count_of(double_walls_, "second wall") + " close to another one left out");
         add("CAVITIES", cavities_, first_cavity_,
             count_of(cavities_, "inward shell") + " inside a body filled");
-        add("SPECKS", specks_, first_speck_, count_of(specks_, "small closed part") + " left out");
+        add("SPECKS", specks_, first_speck_, count_of(specks_, "small part") + " left out");
     }
 
     SurfaceMesh surface_;
@@ -371,11 +415,13 @@ private:
     std::vector<char> is_soup_;
     std::vector<Defect> defects_;
     std::int64_t inside_out_ = 0;
+    std::int64_t turned_sheets_ = 0;
     std::int64_t flipped_ = 0;
     std::int64_t double_walls_ = 0;
     std::int64_t cavities_ = 0;
     std::int64_t specks_ = 0;
     std::optional<Vec3> first_inside_out_;
+    std::optional<Vec3> first_turned_sheet_;
     std::optional<Vec3> first_flipped_;
     std::optional<Vec3> first_double_wall_;
     std::optional<Vec3> first_cavity_;

@@ -3,9 +3,7 @@
 #include <Eigen/Eigenvalues>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <ranges>
@@ -13,16 +11,21 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/exact/intersections.h"
+#include "core/geometry/domain_volume.h"
 #include "core/geometry/edge_table.h"
 #include "core/geometry/surface_domain.h"
+#include "core/geometry/wide_tree.h"
 #include "core/geometry/winding_number.h"
 #include "core/parallel.h"
 #include "core/stages/clean.h"
 #include "core/stages/close_holes.h"
+#include "core/stages/fill_holes.h"
 #include "core/stages/orient.h"
 #include "core/stages/skin.h"
 #include "core/stages/smooth_skin.h"
 #include "core/stages/surface_math.h"
+#include "core/stages/text.h"
 
 namespace remesh {
 namespace {
@@ -35,7 +38,12 @@ constexpr double kFineEdge = 1.6;       // unless the mean edge is longer than t
 // Of all area, the mean of what separates in from out at all and of what does so soundly. Real
 // surfaces, badly damaged ones included, were above 0.45, random triangles at 0.13.
 constexpr double kLeastSkin = 0.3;
-constexpr double kLeastVolume = 0.2;  // Of h^3.
+constexpr double kLeastSize = 1.0;                 // Diagonals below and
+constexpr double kLargestSize = 1e4;               // above these aren't likely in millimetres.
+constexpr std::size_t kMostCandidates = 300;       // Times the triangles: pairs of boxes looked at.
+constexpr std::size_t kMostCrossings = 1'000'000;  // So many pairs are counted.
+constexpr double kVolumeCells = 2e4;               // So many cells to the area measure a volume.
+constexpr double kLeastVolume = 0.2;               // Of h^3.
 constexpr double kLeastDepth = 1e-3;  // Of the diagonal, across the plane that fits best.
 
 /// Middles and starts of the edges that an odd number of triangles have, at most `most`.
@@ -70,7 +78,21 @@ void append(SurfaceMesh& to, const SurfaceMesh& patches) {
     }
 }
 
-void drop_unused_vertices(SurfaceMesh& surface) {
+/// Sorts triangles so that neighbours in space are neighbours in memory, and vertices by their
+/// first use; unused ones go.
+void sort_in_space(SurfaceMesh& surface) {
+    const auto order = build_wide_tree(surface.vertices, surface.triangles).order;
+    std::vector<Triangle> triangles;
+    std::vector<std::int32_t> patch;
+    triangles.reserve(order.size());
+    for (const Index i : order) {
+        triangles.push_back(surface.triangles[static_cast<std::size_t>(i)]);
+        if (!surface.patch.empty()) {
+            patch.push_back(surface.patch[static_cast<std::size_t>(i)]);
+        }
+    }
+    surface.triangles = std::move(triangles);
+    surface.patch = std::move(patch);
     std::vector<Index> renamed(surface.vertices.size(), kNone);
     Points used;
     used.reserve(surface.vertices.size());
@@ -95,12 +117,6 @@ double volume_of(const SurfaceMesh& surface) {
                     [&](std::size_t i) { return cone_volume(surface, i, apex); });
 }
 
-std::string number(double x) {
-    std::array<char, 32> text;
-    std::snprintf(text.data(), text.size(), "%.4g", x);
-    return text.data();
-}
-
 std::string percent(double share) {
     return std::to_string(std::lround(100.0 * share)) + " %";
 }
@@ -117,13 +133,17 @@ public:
         run_.report(0.1);
         orient();
         run_.report(0.25);
-        const WindingNumber winding(result_.cleaned.vertices, result_.cleaned.triangles);
-        take_skin(winding);
+        WindingNumber winding(result_.cleaned.vertices, result_.cleaned.triangles);
+        SurfaceMesh whole = result_.cleaned;
+        if (options_.close_holes && result_.facts.boundary_edges > 0) {
+            fill(whole, winding);
+        }
+        take_skin(whole, winding);
         run_.report(0.45);
         if (options_.close_holes) {
-            close(winding);
+            close(whole, winding);
         }
-        drop_unused_vertices(skin_);
+        sort_in_space(skin_);
         run_.report(0.6);
         require_body();
         Points normals;
@@ -131,7 +151,9 @@ public:
             normals = smooth(winding);
         }
         run_.report(0.95);
-        result_.domain = std::make_shared<SurfaceDomain>(std::move(skin_), std::move(normals));
+        if (!result_.domain || result_.smoothed) {
+            result_.domain = std::make_shared<SurfaceDomain>(std::move(skin_), std::move(normals));
+        }
         for (const Defect& defect : result_.defects) {
             run_.warn({.code = defect.code, .message = defect.description, .at = defect.at});
         }
@@ -159,7 +181,42 @@ private:
         if (facts.non_manifold_edges > 0) {
             note("NON_MANIFOLD_EDGES",
                  count_of(facts.non_manifold_edges, "edge") + " with more than two triangles",
-                 facts.non_manifold_edges);
+                 facts.non_manifold_edges, cleaned.first_non_manifold);
+        }
+        note_units();
+        note_crossings();
+    }
+
+    void note_units() {
+        const double size = result_.facts.bounds.diagonal();
+        if (size < kLeastSize || size > kLargestSize) {
+            note("UNITS",
+                 "the model is " + text_of(size) + " across: in millimetres that is " +
+                     (size < kLeastSize ? "less than any organ, maybe these are metres"
+                                        : "more than any body, maybe these are micrometres") +
+                     "; lengths are taken as they are",
+                 1);
+        }
+    }
+
+    void note_crossings() {
+        const auto& surface = result_.cleaned;
+        const auto crossings =
+            find_crossings(surface.vertices, surface.triangles,
+                           {.only_apart = true,
+                            .pairs = kMostCrossings,
+                            .candidates = kMostCandidates * surface.triangles.size()},
+                           [this] { run_.checkpoint(); });
+        const auto& pairs = crossings.pairs;
+        if (!crossings.is_complete) {
+            note("SELF_INTERSECTIONS", "too many pairs of triangles that cross to be counted",
+                 static_cast<std::int64_t>(kMostCrossings));
+        } else if (!pairs.empty()) {
+            note("SELF_INTERSECTIONS",
+                 count_of(static_cast<std::int64_t>(pairs.size()), "pair") +
+                     " of triangles that cross; the winding number decided what lies inside",
+                 static_cast<std::int64_t>(pairs.size()),
+                 centroid(surface, static_cast<std::size_t>(pairs[0].first)));
         }
     }
 
@@ -196,24 +253,34 @@ private:
         add_defects(std::move(oriented.defects));
     }
 
-    void take_skin(const WindingNumber& winding) {
-        auto skin = find_skin(result_.cleaned, winding, h_, run_);
-        const double whole = skin.area + skin.dropped_area;
-        if (0.5 * (skin.area + skin.sound_area) < kLeastSkin * whole) {
+    /// Adds what wide holes lack, so that all that is decided by w is right near them.
+    void fill(SurfaceMesh& whole, WindingNumber& winding) {
+        filled_ = fill_wide_holes(whole, winding, {.h = h_, .is_rough = wants_smoothing()}, run_);
+        if (filled_.filled > 0) {
+            append(whole, filled_.patches);
+            winding = WindingNumber(whole.vertices, whole.triangles);
+        }
+    }
+
+    void take_skin(const SurfaceMesh& whole, const WindingNumber& winding) {
+        auto skin = find_skin(whole, winding, h_, run_);
+        const double area = skin.area + skin.dropped_area;
+        if (0.5 * (skin.area + skin.sound_area) < kLeastSkin * area) {
             throw Error(ErrorCode::Unmeshable,
-                        "the triangles enclose no body: only " + percent(skin.area / whole) +
+                        "the triangles enclose no body: only " + percent(skin.area / area) +
                             " of their area has an inside on one side and an outside on the other");
         }
         if (skin.dropped > 0) {
             note("INNER_SHEETS",
-                 count_of(skin.dropped, "triangle") + " (" + percent(skin.dropped_area / whole) +
+                 count_of(skin.dropped, "triangle") + " (" + percent(skin.dropped_area / area) +
                      " of the area) that don't separate inside from outside left out",
-                 skin.dropped);
+                 skin.dropped, skin.first_dropped);
         }
+        is_closed_ = skin.dropped_area == 0.0 && result_.facts.boundary_edges == 0;
         skin_ = std::move(skin.surface);
     }
 
-    void close(const WindingNumber& winding) {
+    void close(SurfaceMesh& whole, WindingNumber& winding) {
         // What the skin test left of a rough surface is open all over: only the input's own rims
         // count there.
         const bool is_rough = wants_smoothing();
@@ -224,23 +291,36 @@ private:
             {.cell = kHoleCell * h_, .gap = (is_rough ? kRoughHoleGap : kHoleGap) * h_}, run_);
         const auto& facts = result_.facts;
         if (facts.boundary_edges > 0) {
+            const double area = filled_.area + holes.area;
+            const auto patches = filled_.patches.triangles.size() + holes.patches.triangles.size();
             note("OPEN_BOUNDARY",
                  count_of(facts.boundary_loops, "open rim") + " with " +
                      count_of(facts.boundary_edges, "edge") + " closed by " +
-                     count_of(static_cast<std::int64_t>(holes.patches.triangles.size()),
-                              "triangle") +
-                     " (" + percent(holes.area / (holes.area + facts.area)) + " of the area)",
-                 facts.boundary_loops, holes.largest);
+                     count_of(static_cast<std::int64_t>(patches), "triangle") + " (" +
+                     percent(area / (area + facts.area)) + " of the area), " +
+                     std::to_string(filled_.filled) + " wide ones by going on smoothly",
+                 facts.boundary_loops, filled_.largest ? filled_.largest : holes.largest);
         }
         append(skin_, holes.patches);
+        if (is_rough && !holes.patches.triangles.empty()) {
+            // Smoothing needs a field that has a slope there, too.
+            append(whole, holes.patches);
+            winding = WindingNumber(whole.vertices, whole.triangles);
+        }
     }
 
     void require_body() {
-        result_.facts.volume = volume_of(skin_);
+        if (is_closed_) {
+            result_.facts.volume = volume_of(skin_);
+        } else {  // Gaps between skin and patches are narrow, but far from an apex they count.
+            const double cell = std::max(0.5 * h_, std::sqrt(result_.facts.area / kVolumeCells));
+            result_.domain = std::make_shared<SurfaceDomain>(skin_, Points());
+            result_.facts.volume = volume_inside(*result_.domain, cell, run_);
+        }
         if (!(result_.facts.volume > kLeastVolume * h_ * h_ * h_)) {
             throw Error(ErrorCode::Unmeshable, "the triangles enclose no body that edge_length " +
-                                                   number(h_) + " can resolve: their volume is " +
-                                                   number(result_.facts.volume));
+                                                   text_of(h_) + " can resolve: their volume is " +
+                                                   text_of(result_.facts.volume));
         }
     }
 
@@ -263,8 +343,8 @@ private:
         result_.noisy = smoothed.noisy;
         result_.max_displacement = smoothed.max_displacement;
         note(smoothed.noisy ? "NOISY" : "STAIRCASE_SMOOTHED",
-             "surface smoothed, vertices moved by " + number(smoothed.mean_displacement) +
-                 " on average and " + number(smoothed.max_displacement) + " at most",
+             "surface smoothed, vertices moved by " + text_of(smoothed.mean_displacement) +
+                 " on average and " + text_of(smoothed.max_displacement) + " at most",
              static_cast<std::int64_t>(skin_.vertices.size()) - smoothed.unmoved);
         if (smoothed.parts_kept_raw > 0) {
             note("NOT_SMOOTHED",
@@ -278,6 +358,8 @@ private:
     double h_;
     const PrepareOptions& options_;
     RunContext& run_;
+    FillResult filled_;
+    bool is_closed_ = false;
     SurfaceMesh skin_;
     PrepareResult result_;
 };

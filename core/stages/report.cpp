@@ -15,6 +15,8 @@
 namespace remesh {
 namespace {
 
+constexpr std::size_t kManyTriangles = 100'000;  // Of which the vertices are samples enough.
+
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -161,6 +163,42 @@ nlohmann::json json_of(const InputFacts& facts) {
             {"bounds", {{"low", json_of(facts.bounds.low)}, {"high", json_of(facts.bounds.high)}}}};
 }
 
+/// Squared distances from vertices of the triangles, midpoints of their edges and centroids: seven
+/// samples a triangle.
+std::vector<double> distances_of_triangles(const SurfaceMesh& from, const Bvh& to,
+                                           const RunContext& run) {
+    std::vector<double> squared(from.triangles.size() * 7);
+    for_each_index(from.triangles.size(), run, [&](std::size_t i) {
+        const auto& t = from.triangles[i];
+        const std::array<Vec3, 3> p{corner(from.vertices, t[0]), corner(from.vertices, t[1]),
+                                    corner(from.vertices, t[2])};
+        const std::array<Vec3, 7> samples{p[0],
+                                          p[1],
+                                          p[2],
+                                          0.5 * (p[0] + p[1]),
+                                          0.5 * (p[1] + p[2]),
+                                          0.5 * (p[2] + p[0]),
+                                          (p[0] + p[1] + p[2]) / 3.0};
+        Index hint = kNone;
+        for (std::size_t s = 0; s < samples.size(); ++s) {
+            const auto nearest = to.closest(samples[s], kInfinity, hint);
+            hint = nearest->triangle;
+            squared[7 * i + s] = nearest->distance2;
+        }
+    });
+    return squared;
+}
+
+/// Squared distances from the vertices: enough where there are many.
+std::vector<double> distances_of_vertices(const SurfaceMesh& from, const Bvh& to,
+                                          const RunContext& run) {
+    std::vector<double> squared(from.vertices.size());
+    for_each_index(squared.size(), run, [&](std::size_t i) {
+        squared[i] = to.closest(from.vertices[i], kInfinity)->distance2;
+    });
+    return squared;
+}
+
 }  // namespace
 
 SurfaceQuality measure_surface(const SurfaceMesh& surface) {
@@ -240,27 +278,9 @@ Deviation measure_deviation(const SurfaceMesh& from, const SurfaceMesh& to, cons
         return {};
     }
     const Bvh target(to.vertices, to.triangles);
-    // Vertices of the triangles, midpoints of their edges and centroids: seven samples a triangle.
-    std::vector<double> squared(from.triangles.size() * 7);
-    for_each_index(from.triangles.size(), run, [&](std::size_t i) {
-        const auto& t = from.triangles[i];
-        const std::array<Vec3, 3> p{corner(from.vertices, t[0]), corner(from.vertices, t[1]),
-                                    corner(from.vertices, t[2])};
-        const std::array<Vec3, 7> samples{p[0],
-                                          p[1],
-                                          p[2],
-                                          0.5 * (p[0] + p[1]),
-                                          0.5 * (p[1] + p[2]),
-                                          0.5 * (p[2] + p[0]),
-                                          (p[0] + p[1] + p[2]) / 3.0};
-        Index hint = kNone;
-        for (std::size_t s = 0; s < samples.size(); ++s) {
-            const auto nearest = target.closest(samples[s], kInfinity, hint);
-            hint = nearest->triangle;
-            squared[7 * i + s] = nearest->distance2;
-        }
-    });
-
+    auto squared = from.triangles.size() > kManyTriangles
+                       ? distances_of_vertices(from, target, run)
+                       : distances_of_triangles(from, target, run);
     Deviation deviation;
     deviation.rms = std::sqrt(sum_over(squared.size(), [&](std::size_t i) { return squared[i]; }) /
                               static_cast<double>(squared.size()));

@@ -175,6 +175,10 @@ SkinResult find_skin(const SurfaceMesh& surface, const WindingNumber& winding, d
         ++kept;
     }
     result.dropped = std::count(has_skin.begin(), has_skin.end(), 0);
+    if (result.dropped > 0) {
+        const auto first = std::find(has_skin.begin(), has_skin.end(), 0) - has_skin.begin();
+        result.first_dropped = centroid(surface, static_cast<std::size_t>(first));
+    }
     if (kept == n) {
         result.surface = surface;
         return result;

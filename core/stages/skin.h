@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "core/geometry/winding_number.h"
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
@@ -12,7 +15,8 @@ struct SkinResult {
     double dropped_area = 0.0;  ///< Of what isn't skin: inner sheets, fins, overlaps.
     double sound_area = 0.0;    ///< Of the triangles with w near 1 behind and near 0 in front.
     std::int64_t dropped = 0;   ///< Triangles that were dropped whole.
-    bool was_split = false;     ///< Whether triangles of `surface` are parts of the input's.
+    std::optional<Vec3> first_dropped{};  ///< Middle of the first of them.
+    bool was_split = false;  ///< Whether triangles of `surface` are parts of the input's.
 };
 
 /// Keeps the parts of a surface that separate inside (winding number w above 1/2) from outside.

@@ -5,9 +5,11 @@
 #include <optional>
 #include <utility>
 
+#include "core/geometry/bvh.h"
 #include "core/geometry/edge_table.h"
 #include "core/geometry/mollified_winding.h"
 #include "core/parallel.h"
+#include "core/stages/chord_offset.h"
 #include "core/stages/surface_math.h"
 
 namespace remesh {
@@ -21,7 +23,11 @@ class Smoother {
 public:
     Smoother(SurfaceMesh skin, const WindingNumber& winding, const SmoothOptions& options,
              RunContext& run)
-        : raw_(std::move(skin)), field_(winding), options_(options), run_(run) {}
+        : raw_(std::move(skin)),
+          bvh_(raw_.vertices, raw_.triangles),
+          field_(winding),
+          options_(options),
+          run_(run) {}
 
     SmoothResult smooth() {
         result_.surface = raw_;
@@ -35,6 +41,7 @@ public:
         if (!result_.noisy) {
             restore_volumes();
         }
+        move_outward();
         measure();
         if (result_.noisy) {
             drop_unmoved();
@@ -116,8 +123,19 @@ private:
         if (!(slope > 0.0)) {
             return false;
         }
-        const Vec3 depth = sample.gradient * (0.45 * radius / slope);
+        const Vec3 inward = sample.gradient / slope;
+        if (!has_wall(x, inward, radius) && !has_wall(x, -inward, radius)) {
+            return true;
+        }
+        const Vec3 depth = 0.45 * radius * inward;
         return field_.at(x + depth, radius).value > 0.8 && field_.at(x - depth, radius).value < 0.2;
+    }
+
+    /// Whether another wall lies within the radius.
+    [[nodiscard]] bool has_wall(const Vec3& x, const Vec3& direction, double radius) const {
+        return bvh_
+            .first_hit(x, direction, 0.1 * radius, radius, [](double, Index) { return true; })
+            .has_value();
     }
 
     void find_closed_parts() {
@@ -197,6 +215,14 @@ private:
         }
     }
 
+    /// So that the triangles to come, chords of this surface, enclose what it encloses now.
+    void move_outward() {
+        const auto offset = chord_offsets(result_.surface, result_.normals, options_.h);
+        for (std::size_t i = 0; i < offset.size(); ++i) {
+            result_.surface.vertices[i] += offset[i] * result_.normals[i];
+        }
+    }
+
     void measure() {
         double sum = 0.0;
         for (std::size_t i = 0; i < raw_.vertices.size(); ++i) {
@@ -227,6 +253,7 @@ private:
     }
 
     SurfaceMesh raw_;
+    Bvh bvh_;
     MollifiedWinding field_;
     const SmoothOptions& options_;
     RunContext& run_;

@@ -27,7 +27,8 @@ struct SmoothResult {
 /// Moves the vertices of a skin to the level 1/2 of the mollified winding number.
 ///
 /// The kernel's radius shrinks where the body is thinner than it. Closed parts are then offset to
-/// the volume they had; one that still differs by over 2 % stays as it was.
+/// the volume they had; one that still differs by over 2 % stays as it was. At last all moves
+/// outward where it is curved, by what triangles of edge length h would cut off.
 ///
 /// \param skin     no unused vertices
 /// \param winding  of the whole oriented surface

@@ -182,8 +182,8 @@ private:
     }
 
     void check_intersections() {
-        run_.checkpoint();
-        faults_.intersections = self_intersections(vertices_, triangles_);
+        faults_.intersections =
+            self_intersections(vertices_, triangles_, [this] { run_.checkpoint(); });
         for (const auto& [a, b] : faults_.intersections) {
             add_faults(faults_, triangles_[a]);
             add_faults(faults_, triangles_[b]);

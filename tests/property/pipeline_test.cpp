@@ -173,39 +173,65 @@ TEST(Pipeline, KeepsTheEightCornersOfACube) {
     }
 }
 
-TEST(Pipeline, MovingTurningAndScalingTheInputDoesTheSameToTheOutput) {
-    const SurfaceMesh fork = bifurcation();
+/// What must be alike, to a share of itself, of meshes of one body.
+void expect_alike(const RemeshResult& actual, const RemeshResult& expected, double scale,
+                  double tolerance) {
+    const double volume = expected.report.after.volume;
+    const auto tets = static_cast<double>(expected.tets.tets.size());
+    EXPECT_NEAR(actual.report.after.volume / std::pow(scale, 3), volume, tolerance * volume);
+    EXPECT_NEAR(static_cast<double>(actual.tets.tets.size()), tets, 5.0 * tolerance * tets);
+    EXPECT_NEAR(actual.report.tets->radius_ratio.mean, expected.report.tets->radius_ratio.mean,
+                tolerance);
+    EXPECT_EQ(actual.report.after.euler_characteristic, expected.report.after.euler_characteristic);
+    EXPECT_EQ(actual.report.after.components, expected.report.after.components);
+    EXPECT_FALSE(check_tets(actual.tets, RunContext()).any());
+}
+
+void expect_same_when_moved(const SurfaceMesh& surface, double h, double tolerance) {
     const Eigen::Matrix3d turn =
         Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
-    const auto expected = remesh_on(2, fork, {.edge_length = 0.06});
+    const auto expected = remesh_on(2, surface, {.edge_length = h});
 
     for (const double scale : {1e-3, 1.0, 1e3}) {
         const Vec3 shift = Vec3::Constant(1e6 * scale);
-        const auto actual = remesh_on(2, testing::transformed(fork, scale * turn, shift),
-                                      {.edge_length = 0.06 * scale});
-        EXPECT_NEAR(actual.report.after.volume / std::pow(scale, 3), expected.report.after.volume,
-                    0.01 * expected.report.after.volume);
-        EXPECT_NEAR(static_cast<double>(actual.tets.tets.size()),
-                    static_cast<double>(expected.tets.tets.size()),
-                    0.05 * static_cast<double>(expected.tets.tets.size()));
-        EXPECT_NEAR(actual.report.tets->radius_ratio.mean, expected.report.tets->radius_ratio.mean,
-                    0.01);
-        EXPECT_FALSE(check_tets(actual.tets, RunContext()).any());
+        const auto actual = remesh_on(2, testing::transformed(surface, scale * turn, shift),
+                                      {.edge_length = h * scale});
+        expect_alike(actual, expected, scale, tolerance);
     }
 }
 
+void expect_same_when_shuffled(SurfaceMesh surface, double h, double tolerance) {
+    const auto expected = remesh_on(2, surface, {.edge_length = h});
+
+    std::shuffle(surface.triangles.begin(), surface.triangles.end(), std::mt19937(5));
+
+    expect_alike(remesh_on(2, surface, {.edge_length = h}), expected, 1.0, tolerance);
+}
+
+SurfaceMesh damaged_bifurcation() {
+    return testing::with_noise(testing::with_triangles_flipped(
+                                   testing::with_triangles_removed(bifurcation(), 0.05, 2), 0.1, 3),
+                               0.005, 4);
+}
+
+TEST(Pipeline, MovingTurningAndScalingTheInputDoesTheSameToTheOutput) {
+    expect_same_when_moved(bifurcation(), 0.06, 0.01);
+}
+
+TEST(Pipeline, MovingTurningAndScalingADamagedInputDoesTheSameToTheOutput) {
+    expect_same_when_moved(damaged_bifurcation(), 0.06, 0.015);
+}
+
+TEST(Pipeline, MovingTurningAndScalingStairsDoesTheSameToTheOutput) {
+    expect_same_when_moved(staircase_ball(), 1.2, 0.01);
+}
+
 TEST(Pipeline, ShufflingTheTrianglesChangesNothingThatMatters) {
-    SurfaceMesh fork = bifurcation();
-    const auto expected = remesh_on(2, fork, {.edge_length = 0.06});
+    expect_same_when_shuffled(bifurcation(), 0.06, 5e-3);
+}
 
-    std::shuffle(fork.triangles.begin(), fork.triangles.end(), std::mt19937(5));
-    const auto actual = remesh_on(2, fork, {.edge_length = 0.06});
-
-    EXPECT_NEAR(actual.report.after.volume, expected.report.after.volume,
-                2e-3 * expected.report.after.volume);
-    EXPECT_NEAR(actual.report.tets->radius_ratio.mean, expected.report.tets->radius_ratio.mean,
-                5e-3);
-    EXPECT_FALSE(check_tets(actual.tets, RunContext()).any());
+TEST(Pipeline, ShufflingTheTrianglesOfADamagedInputChangesNothingThatMatters) {
+    expect_same_when_shuffled(damaged_bifurcation(), 0.06, 0.01);
 }
 
 TEST(Pipeline, ChoosesAnEdgeLengthWhenNoneIsGiven) {

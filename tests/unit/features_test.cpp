@@ -93,6 +93,29 @@ TEST(FindFeatures, TakesNoStairsForFeatures) {
     EXPECT_TRUE(features_of(mesh, 0.12).empty());
 }
 
+TEST(FindFeatures, TakesNoRoughSpotForFeatures) {
+    auto mesh = testing::torus(1.0, 0.4, 120, 60);
+    const auto rough = testing::with_noise(mesh, 0.02, 4);
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+        if (mesh.vertices[i].x() > 1.0) {
+            mesh.vertices[i] = rough.vertices[i];
+        }
+    }
+
+    const auto features = features_of(mesh, 0.05);
+
+    EXPECT_EQ(features.curves.size(), 0U);
+}
+
+TEST(FindFeatures, TakesNoRimOfAHoleForAFeature) {
+    auto mesh = testing::torus(1.0, 0.4, 60, 30);
+    std::erase_if(mesh.triangles, [&](const Triangle& t) {
+        return (mesh.vertices[static_cast<std::size_t>(t[0])] - Vec3(1.4, 0, 0)).norm() < 0.3;
+    });
+
+    EXPECT_TRUE(features_of(mesh, 0.1).empty());
+}
+
 TEST(FindFeatures, LeavesOutShortSets) {
     EXPECT_TRUE(features_of(testing::unit_cube(), 0.1, {.min_length = 1000.0}).curves.empty());
 }

@@ -6,8 +6,10 @@
 #include <numbers>
 
 #include "core/geometry/bvh.h"
+#include "core/geometry/domain_volume.h"
 #include "core/geometry/edge_table.h"
 #include "core/geometry/mollified_winding.h"
+#include "core/geometry/spline_surface.h"
 #include "core/geometry/surface_domain.h"
 #include "core/geometry/winding_number.h"
 #include "tests/support/shapes.h"
@@ -249,6 +251,43 @@ TEST(SurfaceDomain, FindsTheOppositeWall) {
 
     ASSERT_TRUE(thickness);
     EXPECT_DOUBLE_EQ(*thickness, 1.0);
+}
+
+TEST(VolumeInside, IsRightWhereTheBoundaryHasGaps) {
+    const SurfaceDomain domain(testing::with_triangles_removed(icosphere(4), 0.02, 1), {});
+
+    EXPECT_NEAR(volume_inside(domain, 0.05, RunContext()), 4.0 / 3.0 * std::numbers::pi, 0.02);
+}
+
+TEST(SplineSurface, MakesAPlaneOfFlatPoints) {
+    const Points points{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {1, 1, 1}, {3, 2, 1}};
+
+    const auto spline = SplineSurface::through(points, Points(5, Vec3::UnitZ()), 0.0);
+
+    ASSERT_TRUE(spline.has_value());
+    EXPECT_NEAR(spline->at({7.0, -5.0, 1.0}), 0.0, 1e-9);
+    EXPECT_NEAR(spline->at({0.3, 0.2, 3.5}), 2.5, 1e-9);
+}
+
+TEST(SplineSurface, GoesOnAlongASphereWhereThereAreNoPoints) {
+    Points points;
+    for (const Vec3& v : icosphere(2).vertices) {
+        if (v.z() < 0.7) {
+            points.push_back(v);
+        }
+    }
+
+    const auto spline = SplineSurface::through(points, points, 0.0);
+
+    ASSERT_TRUE(spline.has_value());
+    EXPECT_NEAR(spline->at(points.front()), 0.0, 1e-9);
+    EXPECT_NEAR(spline->at(Vec3(0.0, 0.0, 1.0)), 0.0, 0.02);
+    EXPECT_LT(spline->at(Vec3(0.1, 0.0, 0.9)), 0.0);
+    EXPECT_GT(spline->at(Vec3(0.1, 0.0, 1.1)), 0.0);
+}
+
+TEST(SplineSurface, NeedsFourPoints) {
+    EXPECT_FALSE(SplineSurface::through(Points(3, Vec3::UnitX()), Points(3, Vec3::UnitX()), 0.0));
 }
 
 TEST(EdgeTable, HasEachEdgeOfACubeOnceWithTwoTriangles) {

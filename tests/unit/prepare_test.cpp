@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/error.h"
+#include "core/stages/chord_offset.h"
 #include "tests/support/shapes.h"
 
 namespace remesh {
@@ -125,6 +126,66 @@ TEST(PrepareSurface, LeavesHolesOpenWhenAsked) {
     EXPECT_GT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
 }
 
+TEST(PrepareSurface, GoesOnSmoothlyAcrossWideHoles) {
+    auto mesh = some_torus();
+    std::erase_if(mesh.triangles, [&](const Triangle& t) {
+        return (mesh.vertices[static_cast<std::size_t>(t[0])] - Vec3(1.4, 0, 0)).norm() < 0.26;
+    });
+
+    const auto result = prepare(mesh, 0.1);
+
+    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.015 * kTorusVolume);
+    EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.01);
+}
+
+/// A torus without what lies at azimuths of less than `angle` from the x axis.
+SurfaceMesh cut_torus(double angle) {
+    auto mesh = some_torus();
+    std::erase_if(mesh.triangles, [&](const Triangle& t) {
+        const Vec3& v = mesh.vertices[static_cast<std::size_t>(t[0])];
+        return std::abs(std::atan2(v[1], v[0])) < angle;
+    });
+    return mesh;
+}
+
+TEST(PrepareSurface, JoinsATubeThatLacksARing) {
+    const auto result = prepare(cut_torus(0.3), 0.1);
+
+    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.015 * kTorusVolume);
+    EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.03);
+}
+
+TEST(PrepareSurface, CapsATubesEndsThatFaceNoOther) {
+    const double cut = 0.5 * std::numbers::pi;
+
+    const auto result = prepare(cut_torus(cut), 0.1);
+
+    EXPECT_NEAR(sampled_volume(*result.domain), 0.5 * kTorusVolume, 0.05 * kTorusVolume);
+    EXPECT_EQ(result.domain->region_at({0.3, 1.0, 0.0}), 0);
+    EXPECT_EQ(result.domain->region_at({-0.2, 1.0, 0.0}), 1);
+}
+
+TEST(PrepareSurface, TurnsOpenPartsSoThatTheyEncloseABodyTogether) {
+    SurfaceMesh outer = some_torus();
+    SurfaceMesh inner = some_torus();
+    const auto is_outer = [&](const Triangle& t) {
+        Vec3 middle = Vec3::Zero();
+        for (const Index v : t) {
+            middle += outer.vertices[static_cast<std::size_t>(v)] / 3.0;
+        }
+        return middle.head<2>().norm() > 1.0;
+    };
+    std::erase_if(outer.triangles, [&](const Triangle& t) { return !is_outer(t); });
+    std::erase_if(inner.triangles, is_outer);
+    // A hair's breadth apart, so that they aren't welded.
+    const auto mesh = testing::join(
+        outer, testing::transformed(inner, 0.999 * Eigen::Matrix3d::Identity(), Vec3::Zero()));
+
+    const auto result = prepare(mesh, 0.1);
+
+    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.02 * kTorusVolume);
+}
+
 TEST(PrepareSurface, IgnoresTrianglesThatAreNotFinite) {
     auto mesh = some_torus();
     const auto v = static_cast<Index>(mesh.vertices.size());
@@ -152,6 +213,34 @@ TEST(PrepareSurface, DropsDuplicateAndDegenerateTriangles) {
     EXPECT_EQ(count_of(result, "DEGENERATE_TRIANGLES"), 1);
     EXPECT_EQ(result.facts.duplicate_triangles, 2);
     EXPECT_EQ(result.facts.degenerate_triangles, 1);
+}
+
+TEST(PrepareSurface, TellsOfTrianglesThatCross) {
+    const auto mesh = testing::join(
+        some_torus(), testing::transformed(some_torus(), Eigen::Matrix3d::Identity(), {0, 0, 0.5}));
+
+    const auto result = prepare(mesh, 0.1);
+
+    EXPECT_GT(count_of(result, "SELF_INTERSECTIONS"), 100);
+}
+
+TEST(PrepareSurface, TellsOfASizeThatIsHardlyInMillimetres) {
+    const auto scaled = [](double scale) {
+        return testing::transformed(some_torus(), scale * Eigen::Matrix3d::Identity(),
+                                    Vec3::Zero());
+    };
+
+    EXPECT_EQ(count_of(prepare(some_torus(), 0.1), "UNITS"), 0);
+    EXPECT_EQ(count_of(prepare(scaled(0.1), 0.01), "UNITS"), 1);
+    EXPECT_EQ(count_of(prepare(scaled(1e4), 1e3), "UNITS"), 1);
+}
+
+TEST(ChordOffsets, AreTheSagittaOfABall) {
+    const auto ball = icosphere(4);
+
+    for (const double offset : chord_offsets(ball, ball.vertices, 0.3)) {
+        EXPECT_NEAR(offset, 0.3 * 0.3 / 8.0, 1e-3);
+    }
 }
 
 TEST(PrepareSurface, DropsASecondWall) {

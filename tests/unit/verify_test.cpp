@@ -199,6 +199,25 @@ TEST(SelfIntersections, AgreeWithEachPairOnItsOwn) {
     EXPECT_EQ(self_intersections(soup.vertices, soup.triangles), expected);
 }
 
+TEST(FindCrossings, EndsSoonWhereThereAreTooMany) {
+    const auto two = join(icosphere(3), transformed(icosphere(3), kSame, Vec3(0.1, 0.2, 0.3)));
+
+    const auto all = find_crossings(two.vertices, two.triangles, {}, [] {});
+    const auto few = find_crossings(two.vertices, two.triangles, {.pairs = 10}, [] {});
+    const auto short_look = find_crossings(two.vertices, two.triangles, {.candidates = 100}, [] {});
+
+    EXPECT_TRUE(all.is_complete);
+    EXPECT_FALSE(few.is_complete);
+    EXPECT_FALSE(short_look.is_complete);
+    EXPECT_LT(few.pairs.size(), all.pairs.size());
+}
+
+TEST(FindCrossings, StopsWhenTheCheckpointThrows) {
+    const auto ball = icosphere(4);
+
+    EXPECT_THROW(find_crossings(ball.vertices, ball.triangles, {}, [] { throw 1; }), int);
+}
+
 TEST(SelfIntersections, AreTheSameOnAnyNumberOfThreads) {
     const auto two = join(icosphere(3), transformed(icosphere(3), kSame, Vec3(0.3, 0.2, 0.1)));
     const auto expected = check(two);
