@@ -56,7 +56,9 @@ std::int64_t now_ms() {
     return duration_cast<milliseconds>(steady_clock::now().time_since_epoch()).count();
 }
 
-constexpr std::int64_t kPreviewEveryMs = 2000;
+constexpr std::int64_t kPreviewEveryMs = 500;
+// Part of the time that a run has taken: after a day, a preview every half hour.
+constexpr std::int64_t kRunShare = 48;
 
 }  // namespace
 
@@ -67,7 +69,8 @@ std::string_view stage_name(Stage stage) {
 RunContext::RunContext(std::stop_token stop, Sink sink)
     : stop_(std::move(stop)),
       sink_(std::move(sink)),
-      next_preview_ms_(now_ms() + kPreviewEveryMs) {}
+      started_ms_(now_ms()),
+      next_preview_ms_(started_ms_ + kPreviewEveryMs) {}
 
 void RunContext::enter(Stage stage) {
     stage_ = stage;
@@ -87,6 +90,7 @@ void RunContext::report(double fraction) {
 void RunContext::sample(ConvergenceSample sample) {
     sample.stage = stage_;
     sample.iteration = ++iteration_;
+    samples_.push_back(sample);
     if (sink_) {
         sink_(sample);
     }
@@ -105,7 +109,8 @@ bool RunContext::wants_preview() {
 
 void RunContext::preview(SurfaceMesh surface) {
     const std::int64_t now = now_ms();
-    next_preview_ms_ = now + std::max(kPreviewEveryMs, 20 * (now - preview_started_ms_));
+    next_preview_ms_ = now + std::max({kPreviewEveryMs, 20 * (now - preview_started_ms_),
+                                       (now - started_ms_) / kRunShare});
     if (sink_) {
         sink_(Preview{.iteration = iteration_, .surface = std::move(surface)});
     }

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 #include <variant>
+#include <vector>
 
 #include "core/mesh/mesh.h"
 
@@ -79,10 +80,11 @@ struct Warning {
     std::optional<Vec3> at{};  ///< Where in the mesh, model units.
 };
 
-/// The surface as it stands, for a person who watches.
+/// The surface as it stands, for a person who watches; while particles relax, the particles.
 struct Preview {
     int iteration = 0;
-    SurfaceMesh surface{};  ///< Decimated to about 20,000 triangles at most.
+    SurfaceMesh
+        surface{};  ///< At most about 20,000 triangles, or as many vertices and no triangle.
 };
 
 using RunEvent = std::variant<Progress, ConvergenceSample, Warning, Preview>;
@@ -102,14 +104,19 @@ public:
     void sample(ConvergenceSample sample);  ///< Fills in `stage` and a running `iteration`.
     void warn(Warning warning);
     void preview(SurfaceMesh surface);
-    /// True when a sink listens and it is time for another preview: every two seconds, and seldom
-    /// enough that making them takes at most a twentieth of the run.
+    /// True when a sink listens and it is time for another preview: every half second at first,
+    /// ever more seldom in a long run, and seldom enough that making them takes at most a twentieth
+    /// of it.
     [[nodiscard]] bool wants_preview();
 
     /// \throws Error{Cancelled} if the caller asked to stop
     void checkpoint() const;
     [[nodiscard]] bool stop_requested() const noexcept { return stop_.stop_requested(); }
     [[nodiscard]] Stage stage() const noexcept { return stage_; }
+    /// Every sample so far, in order: the curves of the report.
+    [[nodiscard]] const std::vector<ConvergenceSample>& samples() const noexcept {
+        return samples_;
+    }
 
 private:
     std::stop_token stop_;
@@ -117,6 +124,8 @@ private:
     Stage stage_ = Stage::Read;
     double run_fraction_ = 0.0;
     int iteration_ = 0;
+    std::vector<ConvergenceSample> samples_{};
+    std::int64_t started_ms_ = 0;
     std::int64_t preview_started_ms_ = 0;
     std::int64_t next_preview_ms_ = 0;
 };

@@ -42,6 +42,8 @@ inline constexpr std::string_view kDefaultTenant = "default";
 /// \param job  the job as it is now; a State event shows it as it was then
 [[nodiscard]] v1::JobEvent to_proto(const StoredEvent& event, const JobView& job);
 [[nodiscard]] v1::Options to_proto(const RemeshOptions& options);
+/// Every option by its path in v1.Options, in its order.
+[[nodiscard]] std::vector<OptionRow> option_rows(const RemeshOptions& options);
 [[nodiscard]] v1::Quality to_proto(const QualityReport& report);
 [[nodiscard]] v1::Format to_proto(MeshFormat format);
 [[nodiscard]] v1::Stage to_proto(Stage stage);

@@ -1,9 +1,13 @@
 #pragma once
 
+#include <grpcpp/channel.h>
+
 #include <functional>
 #include <memory>
 #include <string>
 #include <thread>
+
+#include "server/http/access.h"
 
 namespace httplib {
 class Server;
@@ -11,19 +15,44 @@ class Server;
 
 namespace remesh {
 
-/// Answers /healthz (the process lives) and /readyz (it takes jobs) for probes that don't speak
-/// gRPC.
+namespace http {
+class Gateway;
+}
+
+struct HttpOptions {
+    std::string address{};  ///< HOST:PORT, port 0 for any.
+    http::AccessRules access{};
+    std::string tls_certificate{};  ///< PEM file, with tls_key; empty: plain HTTP.
+    std::string tls_key{};
+};
+
+/// The HTTP port: the dashboard and its API, metrics, and /healthz (the process lives) and /readyz
+/// (it takes jobs) for probes that don't speak gRPC.
 class HttpServer {
 public:
-    /// \param address  HOST:PORT
-    /// \throws std::runtime_error if it can't be listened on
-    HttpServer(const std::string& address, std::function<bool()> is_ready);
+    struct Sources {
+        std::shared_ptr<grpc::Channel> api{};  ///< Where calls go, with the caller's own token.
+        std::function<bool()> is_ready{};
+        std::function<std::string()> metrics{};     ///< In Prometheus' text format.
+        std::function<void(int)> count_response{};  ///< Called with the status of each answer.
+    };
+
+    /// \throws std::runtime_error if the address can't be listened on
+    HttpServer(const HttpOptions& options, Sources sources);
     HttpServer(const HttpServer&) = delete;
     HttpServer& operator=(const HttpServer&) = delete;
     ~HttpServer();
 
+    [[nodiscard]] int port() const { return port_; }
+
 private:
+    void add_probes();
+    void bind(const std::string& address);
+
+    Sources sources_;
+    std::unique_ptr<http::Gateway> gateway_;
     std::unique_ptr<httplib::Server> server_;
+    int port_ = 0;
     std::jthread thread_;
 };
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "server/convert.h"
 #include "server/healthcheck.h"
 #include "server/http_server.h"
 #include "server/jobs/remesh_engine.h"
@@ -30,6 +31,7 @@ struct ServeFlags {
     ServerOptions server{};
     std::string http{};
     std::string port_file{};
+    std::string http_port_file{};
     std::string log_level = "info";
     bool allows_any_address = false;
 };
@@ -39,7 +41,8 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
     serve.add_option("--data-dir", server.data_dir, "Where jobs and artifacts live")->required();
     serve.add_option("--listen", server.listen, "HOST:PORT (port 0: any) or unix:PATH")
         ->capture_default_str();
-    serve.add_option("--http", flags.http, "HOST:PORT for /healthz and /readyz");
+    serve.add_option("--http", flags.http,
+                     "HOST:PORT for the dashboard, /metrics, /healthz and /readyz (port 0: any)");
     serve.add_option("--workers", server.workers.workers, "Jobs that run side by side")
         ->check(CLI::Range(1, 256))
         ->capture_default_str();
@@ -60,6 +63,7 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
         ->check(CLI::PositiveNumber)
         ->default_str("86400");
     serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
+    serve.add_option("--http-port-file", flags.http_port_file, "The same of --http");
     serve.add_option("--log-level", flags.log_level, "debug, info, warn or error")
         ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
         ->capture_default_str();
@@ -109,11 +113,23 @@ int serve(ServeFlags flags) {
     pthread_sigmask(SIG_BLOCK, &signals, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
 
-    const remesh::RemeshEngine engine;
+    const remesh::RemeshEngine engine(remesh::option_rows);
     Server server(flags.server, engine);
     std::optional<remesh::HttpServer> http;
     if (!flags.http.empty()) {
-        http.emplace(flags.http, [&server] { return server.is_ready(); });
+        http.emplace(
+            remesh::HttpOptions{.address = flags.http,
+                                .access = {.loopback_only = remesh::is_loopback(flags.http)}},
+            remesh::HttpServer::Sources{
+                .api = server.in_process_channel(),
+                .is_ready = [&server] { return server.is_ready(); },
+                .metrics = [&server] { return server.metrics().text(); },
+                .count_response =
+                    [&server](int status) { server.metrics().count_response(status); }});
+        spdlog::info("event=serving_http address={} port={}", flags.http, http->port());
+    }
+    if (http && !flags.http_port_file.empty()) {
+        write_port(flags.http_port_file, http->port());
     }
     if (!flags.port_file.empty()) {
         write_port(flags.port_file, server.port());

@@ -32,13 +32,17 @@ Server::Server(const ServerOptions& options, const Engine& engine)
       executor_(kExecutorThreads),
       registry_(*store_, artifacts_, codec_, engine, options.registry),
       watches_(registry_, options.watches),
+      metrics_(registry_, *store_, {.data_dir = options.data_dir}),
       jobs_(registry_, artifacts_, watches_, executor_),
       artifact_service_(artifacts_, executor_, options.max_artifact_bytes,
                         [this] { return registry_.is_draining(); }),
       capabilities_({options.max_artifact_bytes, options.workers.workers, options.workers.threads,
                      options.registry.max_queued}) {
     artifacts_.collect_garbage(system_now() - kOrphanAge);
-    registry_.set_listener([this](const JobKey& key) { watches_.notify(key); });
+    registry_.set_listener([this](const JobKey& key) {
+        watches_.notify(key);
+        metrics_.notify(key);
+    });
     listen(options);
     workers_ = std::make_unique<WorkerPool>(registry_, artifacts_, codec_, engine, options.workers);
 }
@@ -74,6 +78,10 @@ void Server::listen(const ServerOptions& options) {
     if (!server_ || port_ == 0) {
         throw std::runtime_error("can't listen on " + options.listen);
     }
+}
+
+std::shared_ptr<grpc::Channel> Server::in_process_channel() {
+    return server_->InProcessChannel({});
 }
 
 bool Server::is_ready() const {

@@ -9,14 +9,16 @@
 #include "server/convert.h"
 #include "server/executor.h"
 #include "server/jobs/worker_pool.h"
+#include "server/metrics.h"
 #include "server/service.h"
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
 #include "server/watch_stream.h"
 
 namespace grpc {
+class Channel;
 class Server;
-}
+}  // namespace grpc
 
 namespace remesh {
 
@@ -44,6 +46,9 @@ public:
     /// Chosen port; 1 for a Unix socket.
     [[nodiscard]] int port() const { return port_; }
     [[nodiscard]] bool is_ready() const;
+    /// To the same services as the port, for what in this process speaks for callers.
+    [[nodiscard]] std::shared_ptr<grpc::Channel> in_process_channel();
+    [[nodiscard]] Metrics& metrics() { return metrics_; }
 
     /// Refuses new jobs, gives running ones back to the queue, ends watches, closes the port.
     ///
@@ -61,6 +66,7 @@ private:
     Executor executor_;
     JobRegistry registry_;
     WatchHub watches_;
+    Metrics metrics_;
     JobService jobs_;
     ArtifactService artifact_service_;
     CapabilityService capabilities_;

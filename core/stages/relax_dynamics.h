@@ -101,6 +101,9 @@ public:
             }
             step(run);
             send_sample(state.residual, run);
+            if (run.wants_preview()) {
+                run.preview(picture());
+            }
             run.report(from + (to - from) * (state.iterations + 1) / max_iterations);
         }
         state.converged = state.converged || moving_.empty();
@@ -111,6 +114,7 @@ public:
 private:
     static constexpr double kSkin = 0.35;     // Of neighbour lists, over h.
     static constexpr double kMaxStep = 0.15;  // Of one iteration, over h.
+    static constexpr std::size_t kMaxPictured = 20'000;
 
     static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
     [[nodiscard]] std::size_t row(std::size_t k) const { return at(moving_[k]); }
@@ -268,6 +272,16 @@ private:
         sample.particles = static_cast<std::int64_t>(particles_.size());
         sample.surface_particles = bond_.surface_particles();
         run.sample(sample);
+    }
+
+    /// The particles that move, thinned out evenly if they are many.
+    [[nodiscard]] SurfaceMesh picture() const {
+        const std::size_t stride = moving_.size() / kMaxPictured + 1;
+        SurfaceMesh points;
+        for (std::size_t k = 0; k < moving_.size(); k += stride) {
+            points.vertices.push_back(particles_.position[row(k)]);
+        }
+        return points;
     }
 
     struct Fire {

@@ -52,6 +52,8 @@ v1::Output::Kind to_proto(OutputKind kind) {
         case OutputKind::Tetrahedra: return v1::Output::KIND_TETRAHEDRA;
         case OutputKind::Report: return v1::Output::KIND_REPORT;
         case OutputKind::Preview: return v1::Output::KIND_PREVIEW;
+        case OutputKind::ReportPage: return v1::Output::KIND_REPORT_PAGE;
+        case OutputKind::PreviewTetrahedra: return v1::Output::KIND_PREVIEW_TETRAHEDRA;
     }
     return v1::Output::KIND_UNSPECIFIED;
 }

@@ -37,12 +37,12 @@ struct JobRequest {
     std::optional<std::chrono::seconds> timeout{};  ///< Absent: the server's limit.
 };
 
-enum class OutputKind { Surface, Tetrahedra, Report, Preview };
+enum class OutputKind { Surface, Tetrahedra, Report, Preview, ReportPage, PreviewTetrahedra };
 
 /// One file of a result.
 struct JobOutput {
     OutputKind kind = OutputKind::Surface;
-    std::optional<MeshFormat> format{};  ///< Absent for the report.
+    std::optional<MeshFormat> format{};  ///< Absent for the report and its page.
     ArtifactId artifact{};
     std::string file_name{};
 };
@@ -51,6 +51,12 @@ struct JobResult {
     std::vector<JobOutput> outputs{};
     QualityReport report{};
     RemeshOptions options{};  ///< With everything that was chosen filled in.
+};
+
+/// One option by its name in the API, for people to read.
+struct OptionRow {
+    std::string name{};
+    std::string value{};
 };
 
 /// Why an attempt ended without a result.

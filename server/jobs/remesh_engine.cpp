@@ -6,9 +6,14 @@
 
 #include "core/error.h"
 #include "core/mesh/preview.h"
+#include "server/report/page.h"
+#include "server/version.h"
 
 namespace remesh {
 namespace {
+
+// A browser can cut this many in an instant.
+constexpr std::size_t kMaxViewedTets = 200'000;
 
 /// The problem in a validation's sentence, whose first word is the field.
 void collect(std::vector<FieldProblem>& problems, const std::function<void()>& validation) {
@@ -108,16 +113,42 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
                                   wanted.format, artifact,
                                   stem + std::string(format_extension(wanted.format))});
         run.report(static_cast<double>(result.outputs.size()) /
-                   static_cast<double>(request.outputs.size() + 2));
+                   static_cast<double>(request.outputs.size() + 4));
     }
+    add_views(request, read.mesh, mesh, run, outputs, result);
+    run.report(1.0);
+    result.report = std::move(mesh.report);
+    return result;
+}
+
+void RemeshEngine::add_views(const JobRequest& request, const SurfaceMesh& input,
+                             const RemeshResult& mesh, const RunContext& run, OutputSink& outputs,
+                             JobResult& result) const {
     const auto report = outputs.add([&](std::ostream& out) { out << to_json(mesh.report); });
     result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
     const auto preview =
         outputs.add([&](std::ostream& out) { write_preview(decimate(mesh.surface), out); });
     result.outputs.push_back({OutputKind::Preview, MeshFormat::Ply, preview, "preview.ply"});
-    run.report(1.0);
-    result.report = std::move(mesh.report);
-    return result;
+    if (!mesh.tets.tets.empty() && mesh.tets.tets.size() <= kMaxViewedTets) {
+        const auto tets =
+            outputs.add([&](std::ostream& out) { write_tets(mesh.tets, MeshFormat::Vtu, out); });
+        result.outputs.push_back(
+            {OutputKind::PreviewTetrahedra, MeshFormat::Vtu, tets, "preview.vtu"});
+    }
+    const std::vector<OptionRow> options =
+        describe_ ? describe_(result.options) : std::vector<OptionRow>{};
+    const auto page = outputs.add([&](std::ostream& out) {
+        report::write_page({.request = request,
+                            .input = input,
+                            .result = mesh,
+                            .samples = run.samples(),
+                            .files = result.outputs,
+                            .options = options,
+                            .engine_version = kVersion,
+                            .made = system_now()},
+                           out);
+    });
+    result.outputs.push_back({OutputKind::ReportPage, std::nullopt, page, "report.html"});
 }
 
 void RemeshEngine::write_preview(const SurfaceMesh& surface, std::ostream& out) const {

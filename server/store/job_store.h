@@ -3,6 +3,7 @@
 #include <chrono>
 #include <compare>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -117,6 +118,12 @@ struct ListQuery {
     std::size_t limit = 100;
 };
 
+/// What the store tells about the jobs of all tenants.
+struct StoreFigures {
+    std::map<JobState, std::int64_t> jobs{};  ///< States that no job is in are left out.
+    std::optional<Time> oldest_queued{};      ///< When the job that waits longest was created.
+};
+
 /// What outlives the process: jobs, their events, and which artifacts exist and who needs them.
 ///
 /// The job machine; every arrow is one atomic, durable step that appends one State event:
@@ -188,6 +195,9 @@ public:
     virtual bool remove_artifact(const std::string& tenant, const std::string& sha256) = 0;
     /// Artifacts that no job refers to and that were added before `before`: tenant and digest.
     virtual std::vector<JobKey> unreferenced_artifacts(Time before) = 0;
+
+    /// Counts for monitoring.
+    virtual StoreFigures figures() = 0;
 };
 
 }  // namespace remesh

@@ -217,6 +217,7 @@ public:
                                            std::span<const std::string> keep) override;
     bool remove_artifact(const std::string& tenant, const std::string& sha256) override;
     std::vector<JobKey> unreferenced_artifacts(Time before) override;
+    StoreFigures figures() override;
 
 private:
     std::mutex writer_mutex_;
@@ -549,6 +550,20 @@ std::vector<JobKey> SqliteJobStore::unreferenced_artifacts(Time before) {
         artifacts.push_back({row.text(0), row.text(1)});
     }
     return artifacts;
+}
+
+StoreFigures SqliteJobStore::figures() {
+    const std::scoped_lock lock(reader_mutex_);
+    Statement row(reader_, "SELECT state, count(*), min(create_time) FROM jobs GROUP BY state");
+    StoreFigures figures;
+    while (row.next()) {
+        const JobState state = state_of(row.text(0));
+        figures.jobs[state] = row.integer(1);
+        if (state == JobState::Queued) {
+            figures.oldest_queued = to_time(row.integer(2));
+        }
+    }
+    return figures;
 }
 
 }  // namespace

@@ -1,0 +1,305 @@
+import type { ComponentChildren } from 'preact';
+import { useEffect, useReducer, useRef, useState } from 'preact/hooks';
+
+import { fetchArtifact, type Digest, type Job } from '../api';
+import { count } from '../format';
+import type { JobModel } from '../job_model';
+import { onThemeChange } from '../theme';
+import { gradientOf, type Measure } from '../view/colours';
+import type { Mesh } from '../view/mesh';
+import { readPly, readStl, readVtu, unzipped, Unreadable } from '../view/read';
+import type { Clip, Content, Scene } from '../view/scene';
+
+type Source = 'input' | 'live' | 'result' | 'tets';
+
+const sourceLabels: Record<Source, string> = {
+    input: 'Input',
+    live: 'Live',
+    result: 'Surface',
+    tets: 'Tetrahedra',
+};
+const measureLabels: Record<Measure, string> = {
+    quality: 'Element quality',
+    edge: 'Edge length',
+    plain: 'Nothing',
+};
+
+// A view of more would keep the browser busy for longer than anyone waits.
+const largestInput = 60e6;
+
+/** The body in 3-D: as it came, while it relaxes, and as it left. */
+export function ViewPanel(props: { model: JobModel; job: Job }) {
+    const { model, job } = props;
+    const outputs = job.result?.outputs ?? [];
+    const surface = outputs.find((output) => output.kind === 'KIND_PREVIEW');
+    const tets = outputs.find((output) => output.kind === 'KIND_PREVIEW_TETRAHEDRA');
+    const inputKind = kindOfInput(job);
+    const available: Source[] = [
+        ...(inputKind ? (['input'] as const) : []),
+        ...(!surface && model.preview ? (['live'] as const) : []),
+        ...(surface ? (['result'] as const) : []),
+        ...(tets ? (['tets'] as const) : []),
+    ];
+    const [chosen, setChosen] = useState<Source | null>(null);
+    const newest: Source | undefined = surface ? 'result' : model.preview ? 'live' : available[0];
+    const source = chosen && available.includes(chosen) ? chosen : newest;
+
+    const [measure, setMeasure] = useState<Measure>('quality');
+    const [clip, setClip] = useState<Clip>({ axis: 0, share: 0 });
+    const [hasEdges, setEdges] = useState(true);
+    const h = job.result?.quality?.edge_length ?? null;
+
+    const digest =
+        source === 'input'
+            ? job.spec.input.digest
+            : source === 'live'
+              ? model.preview?.digest
+              : source === 'result'
+                ? surface?.digest
+                : tets?.digest;
+    const { content, problem } = useContent(source, digest, inputKind);
+
+    return (
+        <section class="card view" aria-labelledby="view-title">
+            <div class="view-head">
+                <h2 id="view-title">Surface</h2>
+                <div class="segments" role="radiogroup" aria-label="What is shown">
+                    {available.map((name) => (
+                        <label key={name}>
+                            <input type="radio" name="source" checked={source === name} onChange={() => setChosen(name)} />
+                            <span>{sourceLabels[name]}</span>
+                        </label>
+                    ))}
+                </div>
+                <span class="muted view-count">{describe(content)}</span>
+            </div>
+            <Stage content={content} measure={measure} clip={clip} hasEdges={hasEdges} reference={source === 'input' ? null : h}>
+                {problem ? <p class="nothing">{problem}</p> : !content && <p class="nothing">{waiting(job, source)}</p>}
+            </Stage>
+            <div class="view-controls">
+                <label>
+                    Colour by
+                    <select value={measure} onChange={(event) => setMeasure(event.currentTarget.value as Measure)}>
+                        {(Object.keys(measureLabels) as Measure[]).map((name) => (
+                            <option key={name} value={name}>
+                                {measureLabels[name]}
+                            </option>
+                        ))}
+                    </select>
+                </label>
+                <Scale measure={content?.kind === 'particles' ? 'plain' : measure} />
+                <label>
+                    Cut along
+                    <select
+                        value={clip.axis}
+                        onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
+                    >
+                        <option value={0}>x</option>
+                        <option value={1}>y</option>
+                        <option value={2}>z</option>
+                    </select>
+                </label>
+                <label class="slider">
+                    <span class="sr">Share that is cut away</span>
+                    <input
+                        type="range"
+                        min="0"
+                        max="1"
+                        step="0.01"
+                        value={clip.share}
+                        onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
+                    />
+                </label>
+                <label class="check">
+                    <input type="checkbox" checked={hasEdges} onChange={(event) => setEdges(event.currentTarget.checked)} />
+                    <span>Edges</span>
+                </label>
+            </div>
+        </section>
+    );
+}
+
+function describe(content: Content | null): string {
+    if (!content) {
+        return '';
+    }
+    if (content.kind === 'particles') {
+        return `${count(content.mesh.positions.length / 3)} particles`;
+    }
+    return content.kind === 'tets'
+        ? `${count(content.mesh.tets.length / 4)} tetrahedra`
+        : `${count(content.mesh.triangles.length / 3)} triangles`;
+}
+
+function waiting(job: Job, source: Source | undefined): string {
+    if (source) {
+        return 'Loading…';
+    }
+    return job.state === 'STATE_QUEUED' || job.state === 'STATE_RUNNING' ? 'The first view comes while it runs.' : 'There is no view of this job.';
+}
+
+function Scale(props: { measure: Measure }) {
+    if (props.measure === 'plain') {
+        return null;
+    }
+    const [low, high] = props.measure === 'quality' ? ['0 degenerate', '1 regular'] : ['½ h', '1½ h'];
+    return (
+        <span class="scale">
+            <small>{low}</small>
+            <i style={{ background: gradientOf(props.measure) }} aria-hidden="true" />
+            <small>{high}</small>
+        </span>
+    );
+}
+
+function kindOfInput(job: Job): 'stl' | 'ply' | null {
+    const name = (job.spec.input.file_name ?? '').toLowerCase().replace(/\.gz$/, '');
+    const isSmall = Number(job.spec.input.digest?.size_bytes ?? 0) <= largestInput;
+    if (!isSmall) {
+        return null;
+    }
+    return job.spec.input.format === 'FORMAT_STL' || name.endsWith('.stl')
+        ? 'stl'
+        : job.spec.input.format === 'FORMAT_PLY' || name.endsWith('.ply')
+          ? 'ply'
+          : null;
+}
+
+/** What a source holds, loaded. While the next one loads, the last one stays. */
+function useContent(source: Source | undefined, digest: Digest | undefined, inputKind: 'stl' | 'ply' | null) {
+    const [content, setContent] = useState<Content | null>(null);
+    const [problem, setProblem] = useState('');
+    const ghost = useRef<Mesh | null>(null);
+    const isBusy = useRef(false);
+    const [loads, countLoad] = useReducer((n: number) => n + 1, 0);
+    const loaded = useRef('');
+
+    useEffect(() => {
+        // One at a time: on a slow line previews are skipped, not queued.
+        const wanted = source && digest ? `${source} ${digest.sha256}` : '';
+        if (!source || !digest || isBusy.current || wanted === loaded.current) {
+            return;
+        }
+        isBusy.current = true;
+        loaded.current = wanted;
+        load(source, digest, inputKind, ghost)
+            .then(
+                (next) => {
+                    setContent(next);
+                    setProblem('');
+                },
+                (error) => {
+                    // An old preview may be gone by now: the next one comes.
+                    if (source !== 'live') {
+                        setProblem(error instanceof Unreadable ? error.message : 'This could not be loaded.');
+                    }
+                },
+            )
+            .finally(() => {
+                isBusy.current = false;
+                countLoad(0);
+            });
+    }, [source, digest?.sha256, loads]);
+    return { content: problem ? null : content, problem };
+}
+
+async function load(
+    source: Source,
+    digest: Digest,
+    inputKind: 'stl' | 'ply' | null,
+    ghost: { current: Mesh | null },
+): Promise<Content> {
+    const bytes = await fetchArtifact(digest);
+    if (source === 'tets') {
+        return { kind: 'tets', mesh: await readVtu(bytes) };
+    }
+    const mesh = source === 'input' && inputKind === 'stl' ? readStl(await unzipped(bytes)) : readPly(await unzipped(bytes));
+    if (mesh.triangles.length === 0 && source === 'live') {
+        return { kind: 'particles', mesh, ghost: ghost.current };
+    }
+    ghost.current = mesh;
+    return { kind: 'surface', mesh };
+}
+
+const keys: Record<string, (scene: Scene) => void> = {
+    ArrowLeft: (scene) => scene.turn(-1, 0),
+    ArrowRight: (scene) => scene.turn(1, 0),
+    ArrowUp: (scene) => scene.turn(0, 1),
+    ArrowDown: (scene) => scene.turn(0, -1),
+    '+': (scene) => scene.zoom(0.9),
+    '-': (scene) => scene.zoom(1.1),
+    '0': (scene) => scene.fit(),
+};
+
+function Stage(props: {
+    content: Content | null;
+    measure: Measure;
+    clip: Clip;
+    hasEdges: boolean;
+    reference: number | null;
+    children: ComponentChildren;
+}) {
+    const canvas = useRef<HTMLCanvasElement>(null);
+    const [scene, setScene] = useState<Scene | null>(null);
+    const [problem, setProblem] = useState('');
+
+    useEffect(() => {
+        let made: Scene | null = null;
+        let isGone = false;
+        const element = canvas.current!;
+        const observer = new ResizeObserver(() => made?.resize(element.clientWidth, element.clientHeight));
+        // The library is a third of the page: it comes when there is something to draw with it.
+        import('../view/scene').then(
+            (module) => {
+                if (!isGone) {
+                    try {
+                        made = new module.Scene(element);
+                        observer.observe(element);
+                        setScene(made);
+                    } catch {
+                        setProblem('This browser has no WebGL: the numbers below say the same.');
+                    }
+                }
+            },
+            () => setProblem('The 3-D view could not be loaded.'),
+        );
+        const forget = onThemeChange(() => made?.restyle());
+        return () => {
+            isGone = true;
+            forget();
+            observer.disconnect();
+            made?.dispose();
+        };
+    }, []);
+    useEffect(() => scene?.colourBy(props.measure, props.reference), [scene, props.measure, props.reference]);
+    useEffect(() => scene?.cut(props.clip), [scene, props.clip]);
+    useEffect(() => scene?.showEdges(props.hasEdges), [scene, props.hasEdges]);
+    useEffect(() => {
+        if (scene && props.content) {
+            scene.show(props.content);
+        }
+    }, [scene, props.content]);
+
+    return (
+        <div class="stage">
+            <canvas
+                ref={canvas}
+                tabIndex={0}
+                role="img"
+                data-ready={scene && props.content ? 'yes' : 'no'}
+                aria-label={`3-D view: ${describe(props.content) || 'nothing yet'}. Arrow keys turn it, plus and minus zoom, 0 shows all.`}
+                onKeyDown={(event) => {
+                    const act = keys[event.key];
+                    if (scene && act) {
+                        event.preventDefault();
+                        act(scene);
+                    }
+                }}
+            />
+            {problem ? <p class="nothing">{problem}</p> : props.children}
+            <p class="stage-hint" aria-hidden="true">
+                drag to turn · scroll to zoom · right-drag to move
+            </p>
+        </div>
+    );
+}

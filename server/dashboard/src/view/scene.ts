@@ -1,0 +1,316 @@
+// The 3-D view. Draws when something changed, never in a loop: a dashboard may stay open for days.
+
+import {
+    BufferAttribute,
+    BufferGeometry,
+    Color,
+    DirectionalLight,
+    DoubleSide,
+    Group,
+    HemisphereLight,
+    Mesh as Drawn,
+    MeshBasicMaterial,
+    MeshLambertMaterial,
+    PerspectiveCamera,
+    Plane,
+    Points,
+    PointsMaterial,
+    Scene as Stage,
+    SRGBColorSpace,
+    Vector3,
+    WebGLRenderer,
+} from 'three';
+import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+
+import { colour } from '../theme';
+import { colourAt, median, type Measure } from './colours';
+import { TetFaces, tetEdge, tetQuality, triangleEdge, triangleQuality, type Mesh, type TetMesh } from './mesh';
+
+export type Content =
+    | { kind: 'surface'; mesh: Mesh }
+    | { kind: 'particles'; mesh: Mesh; ghost: Mesh | null }
+    | { kind: 'tets'; mesh: TetMesh };
+
+export interface Clip {
+    axis: 0 | 1 | 2;
+    /** Share of the box that is cut away, in [0, 1]; 0 cuts nothing. */
+    share: number;
+}
+
+interface Values {
+    quality: Float32Array;
+    edge: Float32Array;
+}
+
+const turnStep = Math.PI / 24;
+
+export class Scene {
+    private readonly renderer: WebGLRenderer;
+    private readonly stage = new Stage();
+    private readonly camera = new PerspectiveCamera(32, 1, 0.01, 1000);
+    private readonly controls: OrbitControls;
+    private readonly contents = new Group();
+    private readonly plane = new Plane(new Vector3(-1, 0, 0), 0);
+    private content: Content | null = null;
+    private faces: TetFaces | null = null;
+    private values: Values | null = null;
+    private measure: Measure = 'quality';
+    private clip: Clip = { axis: 0, share: 0 };
+    private hasEdges = true;
+    /** What edge lengths are compared with, model units. */
+    private reference: number | null = null;
+    private isFitted = false;
+    private frame = 0;
+
+    constructor(private readonly canvas: HTMLCanvasElement) {
+        this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+        this.renderer.outputColorSpace = SRGBColorSpace;
+        this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
+        this.renderer.localClippingEnabled = true;
+        this.camera.up.set(0, 0, 1);
+        const light = new DirectionalLight(0xffffff, 1.6);
+        light.position.set(-0.5, -0.4, 0.9);
+        this.camera.add(light);
+        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0x8a8f98, 1.9), this.contents);
+        this.controls = new OrbitControls(this.camera, canvas);
+        this.controls.enableDamping = false;
+        this.controls.addEventListener('change', () => this.draw());
+    }
+
+    show(content: Content) {
+        this.content = content;
+        this.faces = null;
+        this.values = null;
+        if (content.kind === 'tets') {
+            this.values = { quality: tetQuality(content.mesh), edge: tetEdge(content.mesh) };
+        } else if (content.kind === 'surface') {
+            this.values = { quality: triangleQuality(content.mesh), edge: triangleEdge(content.mesh) };
+        }
+        if (!this.isFitted && content.mesh.positions.length > 0) {
+            this.isFitted = true;
+            this.fit();
+        }
+        this.rebuild();
+    }
+
+    colourBy(measure: Measure, reference: number | null) {
+        this.measure = measure;
+        this.reference = reference;
+        this.rebuild();
+    }
+
+    cut(clip: Clip) {
+        this.clip = clip;
+        this.rebuild();
+    }
+
+    showEdges(hasEdges: boolean) {
+        this.hasEdges = hasEdges;
+        this.rebuild();
+    }
+
+    resize(width: number, height: number) {
+        this.renderer.setSize(width, height, false);
+        this.camera.aspect = width / Math.max(1, height);
+        this.camera.updateProjectionMatrix();
+        this.draw();
+    }
+
+    /** Turns the body, for those without a mouse. */
+    turn(right: number, up: number) {
+        const offset = this.camera.position.clone().sub(this.controls.target);
+        offset.applyAxisAngle(new Vector3(0, 0, 1), -right * turnStep);
+        const side = new Vector3().crossVectors(this.camera.up, offset).normalize();
+        const tilted = offset.clone().applyAxisAngle(side, -up * turnStep);
+        const slope = Math.abs(tilted.z) / tilted.length();
+        this.camera.position.copy(this.controls.target).add(slope < 0.99 ? tilted : offset);
+        this.controls.update();
+        this.draw();
+    }
+
+    zoom(factor: number) {
+        this.camera.position.sub(this.controls.target).multiplyScalar(factor).add(this.controls.target);
+        this.controls.update();
+        this.draw();
+    }
+
+    /** The whole body, from a little above its front. */
+    fit() {
+        const { centre, radius } = this.bounds();
+        this.controls.target.copy(centre);
+        const direction = new Vector3(0.55, -1, 0.3).normalize();
+        const away = (1.05 * radius) / Math.sin((this.camera.fov * Math.PI) / 360) / Math.min(1, this.camera.aspect || 1);
+        this.camera.position.copy(centre).addScaledVector(direction, away);
+        this.camera.near = radius / 100;
+        this.camera.far = radius * 100;
+        this.camera.updateProjectionMatrix();
+        this.controls.update();
+        this.draw();
+    }
+
+    dispose() {
+        cancelAnimationFrame(this.frame);
+        this.clear();
+        this.controls.dispose();
+        this.renderer.dispose();
+        this.renderer.forceContextLoss();
+    }
+
+    /** Draws with the next frame. */
+    draw() {
+        this.frame ||= requestAnimationFrame(() => {
+            this.frame = 0;
+            this.renderer.render(this.stage, this.camera);
+        });
+    }
+
+    private box(): { low: Vector3; high: Vector3 } {
+        const positions = this.content!.mesh.positions;
+        const low = new Vector3(Infinity, Infinity, Infinity);
+        const high = new Vector3(-Infinity, -Infinity, -Infinity);
+        const point = new Vector3();
+        for (let i = 0; i < positions.length; i += 3) {
+            point.set(positions[i]!, positions[i + 1]!, positions[i + 2]!);
+            if (Number.isFinite(point.x + point.y + point.z)) {
+                low.min(point);
+                high.max(point);
+            }
+        }
+        return { low, high };
+    }
+
+    private bounds() {
+        const { low, high } = this.box();
+        const centre = low.clone().add(high).multiplyScalar(0.5);
+        return { centre, radius: Math.max(1e-9, high.distanceTo(low) / 2) };
+    }
+
+    private clear() {
+        for (const child of this.contents.children as (Drawn | Points)[]) {
+            child.geometry.dispose();
+            for (const material of [child.material].flat()) {
+                material.dispose();
+            }
+        }
+        this.contents.clear();
+    }
+
+    private rebuild() {
+        if (!this.content) {
+            return;
+        }
+        this.clear();
+        const { low, high } = this.box();
+        const axis = (['x', 'y', 'z'] as const)[this.clip.axis];
+        const limit = high[axis] - this.clip.share * (high[axis] - low[axis]);
+        this.plane.normal.set(0, 0, 0);
+        this.plane.normal[axis] = -1;
+        this.plane.constant = limit;
+        if (this.content.kind === 'tets') {
+            this.addTets(this.content.mesh, limit);
+        } else if (this.content.kind === 'surface') {
+            this.addSurface(this.content.mesh.positions, this.content.mesh.triangles, (t) => t, this.clip.share > 0);
+        } else {
+            this.addParticles(this.content);
+        }
+        this.draw();
+    }
+
+    /** Whole tets are left out, so that their shape shows. */
+    private addTets(mesh: TetMesh, limit: number) {
+        this.faces ??= new TetFaces(mesh);
+        const { positions, tets } = mesh;
+        const axis = this.clip.axis;
+        const isShown = (t: number) => {
+            let sum = 0;
+            for (let i = 0; i < 4; ++i) {
+                sum += positions[3 * tets[4 * t + i]! + axis]!;
+            }
+            return sum / 4 <= limit || this.clip.share === 0;
+        };
+        const { triangles, owner } = this.faces.boundary(isShown);
+        this.addSurface(positions, triangles, (i) => owner[i]!, false);
+    }
+
+    private addSurface(positions: Float32Array, triangles: Uint32Array, owner: (i: number) => number, isClipped: boolean) {
+        const geometry = new BufferGeometry();
+        const corners = new Float32Array(3 * triangles.length);
+        const colours = new Float32Array(3 * triangles.length);
+        const shade = new Color();
+        const plain = new Color(colour('surface-3d'));
+        const reference = this.reference ?? (this.values ? median(this.values.edge) : 1);
+        for (let i = 0; i < triangles.length; ++i) {
+            for (let n = 0; n < 3; ++n) {
+                corners[3 * i + n] = positions[3 * triangles[i]! + n]!;
+            }
+            if (i % 3 === 0) {
+                const element = owner(i / 3);
+                if (this.measure === 'plain' || !this.values) {
+                    shade.copy(plain);
+                } else if (this.measure === 'quality') {
+                    shade.setRGB(...colourAt('quality', this.values.quality[element]!), SRGBColorSpace);
+                } else {
+                    shade.setRGB(...colourAt('edge', this.values.edge[element]! / reference - 0.5), SRGBColorSpace);
+                }
+            }
+            colours.set([shade.r, shade.g, shade.b], 3 * i);
+        }
+        geometry.setAttribute('position', new BufferAttribute(corners, 3));
+        geometry.setAttribute('color', new BufferAttribute(colours, 3));
+        geometry.computeVertexNormals();
+        const clippingPlanes = isClipped ? [this.plane] : [];
+        const material = new MeshLambertMaterial({
+            vertexColors: true,
+            side: DoubleSide,
+            flatShading: true,
+            clippingPlanes,
+            polygonOffset: true,
+            polygonOffsetFactor: 1,
+            polygonOffsetUnits: 1,
+        });
+        this.contents.add(new Drawn(geometry, material));
+        if (this.hasEdges) {
+            const lines = new MeshBasicMaterial({
+                color: 0x101418,
+                wireframe: true,
+                transparent: true,
+                opacity: 0.22,
+                clippingPlanes,
+            });
+            this.contents.add(new Drawn(geometry, lines));
+        }
+    }
+
+    private addParticles(content: { mesh: Mesh; ghost: Mesh | null }) {
+        const clippingPlanes = this.clip.share > 0 ? [this.plane] : [];
+        if (content.ghost) {
+            const geometry = new BufferGeometry();
+            geometry.setAttribute('position', new BufferAttribute(content.ghost.positions, 3));
+            geometry.setIndex(new BufferAttribute(content.ghost.triangles, 1));
+            geometry.computeVertexNormals();
+            const glass = new MeshLambertMaterial({
+                color: colour('surface-3d'),
+                transparent: true,
+                opacity: 0.28,
+                depthWrite: false,
+                side: DoubleSide,
+                clippingPlanes,
+            });
+            this.contents.add(new Drawn(geometry, glass));
+        }
+        const geometry = new BufferGeometry();
+        geometry.setAttribute('position', new BufferAttribute(content.mesh.positions, 3));
+        const size = content.mesh.positions.length > 30_000 ? 2.5 : 4;
+        const dots = new PointsMaterial({ color: colour('ink-1'), size, sizeAttenuation: false, clippingPlanes });
+        this.contents.add(new Points(geometry, dots));
+    }
+
+    /** Colours of the style sheet changed. */
+    restyle() {
+        this.rebuild();
+    }
+
+    get element(): HTMLCanvasElement {
+        return this.canvas;
+    }
+}

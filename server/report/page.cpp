@@ -1,0 +1,291 @@
+#include "server/report/page.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <ostream>
+
+#include "server/report/charts.h"
+#include "server/report/picture.h"
+#include "server/report/style.h"
+
+namespace remesh::report {
+namespace {
+
+constexpr int kPictureHeight = 520;
+
+std::string base64(std::string_view bytes) {
+    constexpr std::string_view kDigits =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string text;
+    text.reserve((bytes.size() + 2) / 3 * 4);
+    for (std::size_t at = 0; at < bytes.size(); at += 3) {
+        std::uint32_t word = 0;
+        const std::size_t length = std::min<std::size_t>(3, bytes.size() - at);
+        for (std::size_t i = 0; i < 3; ++i) {
+            word = word << 8U | (i < length ? static_cast<unsigned char>(bytes[at + i]) : 0U);
+        }
+        for (std::size_t i = 0; i < 4; ++i) {
+            text += i <= length ? kDigits[word >> (18U - 6U * i) & 63U] : '=';
+        }
+    }
+    return text;
+}
+
+std::string picture(const Facets& facets, const View& view, std::string_view caption) {
+    return fmt::format(
+        R"(<figure><img alt="{0}" src="data:image/png;base64,{1}"/><figcaption>{0}</figcaption></figure>)",
+        escaped(caption), base64(draw_png(facets, view, kPictureHeight)));
+}
+
+void write_pictures(const PageContent& content, std::ostream& out) {
+    const Facets before = facets_of(content.input);
+    const View view = upright_view(before);
+    out << "<section class=\"pictures\">"
+        << picture(before, view,
+                   "Before: " + count(content.result.report.input.triangles) + " triangles")
+        << picture(facets_of(content.result.surface), view,
+                   "After: " + count(content.result.report.after.triangles) + " triangles");
+    if (content.result.report.tets) {
+        out << picture(half_of(content.result.tets, view), view,
+                       "Cut in half: " + count(content.result.report.tets->tets) + " tetrahedra");
+    }
+    out << "</section><p class=\"scale\"><span>0, degenerate</span><i></i><span>1, "
+           "regular</span></p><p class=\"hint\">Every element is coloured by its radius ratio. All "
+           "pictures are seen from the same side, the longest axis upright.</p>";
+}
+
+std::string labelled(const std::string& svg, std::string_view label, const Summary& summary) {
+    return fmt::format("<div>{}<p><b>{}</b> mean {} · worst 1 % {} · worst {} · {}</p></div>", svg,
+                       label, number(summary.mean), number(summary.first_percentile),
+                       number(summary.min), count(summary.count));
+}
+
+void write_pair(std::string_view title, std::string_view unit, const Summary& before,
+                const Summary& after, std::ostream& out) {
+    const double top = std::max(tallest_bin(before), tallest_bin(after));
+    out << fmt::format(
+        "<figure><h3>{} <small>{}</small></h3><div class=\"pair\">{}{}</div></figure>", title, unit,
+        labelled(histogram_svg(before, top, "before"), "before", before),
+        labelled(histogram_svg(after, top, "after"), "after", after));
+}
+
+void write_single(std::string_view title, std::string_view unit, const Summary& summary,
+                  std::ostream& out) {
+    out << fmt::format(
+        "<figure><h3>{} <small>{}</small></h3><div class=\"pair\">{}</div></figure>", title, unit,
+        labelled(histogram_svg(summary, tallest_bin(summary), "after"), "result", summary));
+}
+
+void write_histograms(const QualityReport& report, std::ostream& out) {
+    out << "<h2>Quality before and after</h2><section class=\"grid\">";
+    write_pair("Triangles: radius ratio", "0 degenerate, 1 regular", report.before.radius_ratio,
+               report.after.radius_ratio, out);
+    write_pair("Triangles: smallest angle", "degrees, 60 is regular", report.before.min_angle,
+               report.after.min_angle, out);
+    if (report.tets) {
+        write_single("Tetrahedra: radius ratio", "0 flat, 1 regular", report.tets->radius_ratio,
+                     out);
+        write_single("Tetrahedra: smallest and largest dihedral angle", "degrees, 70.5 is regular",
+                     report.tets->dihedral, out);
+    }
+    out << "</section>";
+}
+
+using Pick = std::function<std::optional<double>(const ConvergenceSample&)>;
+
+struct Line {
+    std::string_view label;
+    std::string_view style;
+    Pick pick;
+};
+
+void write_chart(std::string_view title, std::string_view unit, const std::vector<Line>& lines,
+                 bool is_log, std::span<const ConvergenceSample> samples, std::ostream& out) {
+    std::vector<Curve> curves;
+    std::string legend;
+    for (const Line& line : lines) {
+        Curve curve{line.label, line.style, {}};
+        for (const ConvergenceSample& sample : samples) {
+            curve.values.push_back(line.pick(sample));
+        }
+        curves.push_back(std::move(curve));
+        legend += fmt::format("<span class=\"{}\"><i></i>{}</span>", line.style, line.label);
+    }
+    out << fmt::format("<figure><h3>{} <small>{}</small></h3><p class=\"legend\">{}</p>{}</figure>",
+                       title, unit, legend, curves_svg(samples, curves, is_log));
+}
+
+void write_convergence(std::span<const ConvergenceSample> samples, std::ostream& out) {
+    using Sample = ConvergenceSample;
+    out << "<h2>Convergence</h2><section class=\"grid\">";
+    write_chart("Residual and displacement", "relative to h, logarithmic",
+                {{"residual force", "first", [](const Sample& s) { return s.residual_force; }},
+                 {"largest step", "second", [](const Sample& s) { return s.max_displacement; }},
+                 {"rms step", "third", [](const Sample& s) { return s.rms_displacement; }}},
+                true, samples, out);
+    write_chart("Energy", "per particle, logarithmic",
+                {{"potential", "first", [](const Sample& s) { return s.potential_energy; }},
+                 {"kinetic", "second", [](const Sample& s) { return s.kinetic_energy; }}},
+                true, samples, out);
+    const auto counted = [](std::int64_t value) {
+        return value > 0 ? std::optional(static_cast<double>(value)) : std::nullopt;
+    };
+    write_chart("Particles", "count",
+                {{"all", "first", [=](const Sample& s) { return counted(s.particles); }},
+                 {"on the surface", "second",
+                  [=](const Sample& s) { return counted(s.surface_particles); }}},
+                false, samples, out);
+    write_chart("Mesh quality", "radius ratio",
+                {{"mean", "first",
+                  [](const Sample& s) {
+                      return s.quality ? std::optional(s.quality->mean) : std::nullopt;
+                  }},
+                 {"worst 1 %", "second",
+                  [](const Sample& s) {
+                      return s.quality ? std::optional(s.quality->first_percentile) : std::nullopt;
+                  }}},
+                false, samples, out);
+    out << "</section>";
+}
+
+void write_defects(const QualityReport& report, std::ostream& out) {
+    out << "<h2>Found and repaired</h2>";
+    if (report.defects.empty()) {
+        out << "<p>Nothing was wrong with the input.</p>";
+        return;
+    }
+    out << "<table><thead><tr><th>What</th><th class=\"right\">How many</th><th>What was found and "
+           "done</th><th>Where</th></tr></thead><tbody>";
+    for (const Defect& defect : report.defects) {
+        const std::string at = defect.at
+                                   ? fmt::format("{}, {}, {}", number(defect.at->x()),
+                                                 number(defect.at->y()), number(defect.at->z()))
+                                   : "";
+        out << fmt::format("<tr><td>{}</td><td class=\"right\">{}</td><td>{}</td><td>{}</td></tr>",
+                           escaped(defect.code), count(defect.count), escaped(defect.description),
+                           at);
+    }
+    out << "</tbody></table>";
+}
+
+void write_row(std::string_view name, const std::string& before, const std::string& after,
+               std::string_view bound, std::ostream& out) {
+    out << fmt::format(
+        "<tr><th>{}</th><td class=\"right\">{}</td><td class=\"right\">{}</td>"
+        "<td>{}</td></tr>",
+        name, before, after, bound);
+}
+
+void write_surface_rows(const SurfaceQuality& before, const SurfaceQuality& after,
+                        std::ostream& out) {
+    write_row("Triangles", count(before.triangles), count(after.triangles), "", out);
+    write_row("Vertices", count(before.vertices), count(after.vertices), "", out);
+    write_row("Parts", count(before.components), count(after.components), "", out);
+    write_row("Euler characteristic", count(before.euler_characteristic),
+              count(after.euler_characteristic), "even: closed, checked exactly", out);
+    write_row("Area", number(before.area), number(after.area), "", out);
+    write_row("Enclosed volume", number(before.volume), number(after.volume), "", out);
+    write_row("Radius ratio of triangles, mean", number(before.radius_ratio.mean),
+              number(after.radius_ratio.mean), "at most 1", out);
+    write_row("Radius ratio of triangles, worst", number(before.radius_ratio.min),
+              number(after.radius_ratio.min), "above 0", out);
+    write_row("Angle of triangles, smallest, degrees", number(before.min_angle.min),
+              number(after.min_angle.min), "at most 60", out);
+    write_row("Edge length, mean", number(before.edge_length.mean), number(after.edge_length.mean),
+              "about h", out);
+}
+
+void write_measures(const QualityReport& report, std::ostream& out) {
+    out << "<h2>Measures</h2><p class=\"hint\">Lengths in the units of the input. Before is the "
+           "input with equal positions merged and orientation repaired.</p><table><thead><tr>"
+           "<th>Measure</th><th class=\"right\">Before</th><th class=\"right\">After</th>"
+           "<th>Bound</th></tr></thead><tbody>";
+    write_row("Edge length h, asked for or chosen", "", number(report.edge_length), "", out);
+    write_surface_rows(report.before, report.after, out);
+    if (report.tets) {
+        const TetQuality& tets = *report.tets;
+        write_row("Tetrahedra", "", count(tets.tets), "none inverted, checked exactly", out);
+        write_row("Volume of the tetrahedra", "", number(tets.volume), "the enclosed volume", out);
+        write_row("Radius ratio of tetrahedra, mean", "", number(tets.radius_ratio.mean),
+                  "at most 1", out);
+        write_row("Radius ratio of tetrahedra, worst 1 %", "",
+                  number(tets.radius_ratio.first_percentile), "", out);
+        write_row("Radius ratio of tetrahedra, worst", "", number(tets.radius_ratio.min), "above 0",
+                  out);
+        write_row("Dihedral angle, smallest, degrees", "", number(tets.min_dihedral),
+                  "at most 70.5", out);
+        write_row("Dihedral angle, largest, degrees", "", number(tets.dihedral.max), "below 180",
+                  out);
+    }
+    write_row("Change of volume", "", fmt::format("{:+.2f} %", 100.0 * report.volume_change), "",
+              out);
+    write_row("Change of area", "", fmt::format("{:+.2f} %", 100.0 * report.area_change), "", out);
+    const auto distance = [](const Deviation& deviation) {
+        return number(deviation.rms) + " / " + number(deviation.p99) + " / " +
+               number(deviation.max);
+    };
+    write_row("Distance from result to input: rms / 99 % / largest", "",
+              distance(report.output_to_input), "", out);
+    write_row("Distance from input to result: rms / 99 % / largest", "",
+              distance(report.input_to_output), "", out);
+    out << "</tbody></table>";
+}
+
+void write_costs(const QualityReport& report, std::ostream& out) {
+    out << "<h2>Cost</h2><table><thead><tr><th>Stage</th><th class=\"right\">CPU seconds</th><th "
+           "class=\"right\">Peak memory of the process, MiB</th></tr></thead><tbody>";
+    for (const QualityReport::StageCost& cost : report.costs) {
+        out << fmt::format(
+            "<tr><th>{}</th><td class=\"right\">{:.2f}</td><td "
+            "class=\"right\">{:.0f}</td></tr>",
+            stage_name(cost.stage), cost.seconds, cost.peak_mib);
+    }
+    out << "</tbody></table>";
+}
+
+void write_provenance(const PageContent& content, std::ostream& out) {
+    out << "<h2>Provenance</h2><table><tbody>";
+    const auto row = [&](std::string_view name, const std::string& value) {
+        out << fmt::format("<tr><th>{}</th><td>{}</td></tr>", name, escaped(value));
+    };
+    row("Engine", "remesh " + content.engine_version);
+    row("Made", fmt::format("{:%Y-%m-%d %H:%M:%S} UTC",
+                            fmt::gmtime(std::chrono::system_clock::to_time_t(content.made))));
+    row("Input", content.request.file_name);
+    row("Input, SHA-256", content.request.input.sha256);
+    for (const JobOutput& file : content.files) {
+        row(file.file_name + ", SHA-256", file.artifact.sha256);
+    }
+    if (!content.options.empty()) {
+        out << "</tbody></table><h2>Options</h2><table><tbody>";
+        for (const OptionRow& option : content.options) {
+            row(option.name, option.value);
+        }
+    }
+    out << "</tbody></table>";
+}
+
+}  // namespace
+
+void write_page(const PageContent& content, std::ostream& out) {
+    const std::string name =
+        escaped(content.request.file_name.empty() ? "Surface" : content.request.file_name);
+    out << "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><meta "
+           "name=\"viewport\" content=\"width=device-width, initial-scale=1\"/><title>"
+        << name << ", remeshed</title><style>" << kStyle << "</style></head><body><main><h1>"
+        << name << "</h1><p class=\"hint\">Quality report by remesh " << content.engine_version
+        << "</p>";
+    write_pictures(content, out);
+    write_histograms(content.result.report, out);
+    write_measures(content.result.report, out);
+    write_defects(content.result.report, out);
+    write_convergence(content.samples, out);
+    write_costs(content.result.report, out);
+    write_provenance(content, out);
+    out << "</main></body></html>\n";
+}
+
+}  // namespace remesh::report

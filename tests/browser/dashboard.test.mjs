@@ -1,0 +1,243 @@
+// The dashboard in a real browser, on a real server with real jobs.
+//
+// REMESHD and REMESH are the programs, DATA a folder with surfaces, SCREENSHOTS where pictures go.
+import assert from 'node:assert/strict';
+import { copyFileSync, mkdirSync, readFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+import { after, afterEach, before, beforeEach, test } from 'node:test';
+import { chromium } from 'playwright-core';
+
+import { TestServer } from './server.mjs';
+
+const { DATA, SCREENSHOTS, CHROMIUM = '/usr/bin/chromium' } = process.env;
+const axeSource = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+const aorta = join(DATA, 'aorta.stl');
+const ventricle = join(DATA, 'left_lateral_ventricle.stl');
+const hostileName = '<img src=x onerror="window.hacked=1">.stl';
+const hostileLabel = '</span><script>window.hacked=1</script>';
+
+let browser;
+let server;
+let page;
+let problems;
+
+before(async () => {
+    mkdirSync(SCREENSHOTS, { recursive: true });
+    browser = await chromium.launch({
+        executablePath: CHROMIUM,
+        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage'],
+    });
+    server = new TestServer();
+    await server.start();
+});
+
+after(async () => {
+    await browser?.close();
+    await server?.remove();
+});
+
+beforeEach(async () => {
+    page = await openPage();
+});
+
+afterEach(async () => {
+    await page.context().close();
+    assert.deepEqual(problems, [], 'the console stays silent');
+});
+
+/** A page that counts what goes wrong in it. */
+async function openPage(options = {}) {
+    const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...options });
+    const opened = await context.newPage();
+    opened.setDefaultTimeout(30_000);
+    problems = [];
+    opened.on('pageerror', (error) => problems.push(String(error)));
+    opened.on('console', (message) => {
+        // A server that is away is no fault of the page.
+        if (message.type() === 'error' && !/Failed to load resource|ERR_/.test(message.text())) {
+            problems.push(message.text());
+        }
+    });
+    opened.on('dialog', (dialog) => {
+        problems.push(`dialog: ${dialog.message()}`);
+        void dialog.dismiss();
+    });
+    return opened;
+}
+
+const picture = (name) => page.screenshot({ path: join(SCREENSHOTS, `${name}.png`), fullPage: true });
+
+async function useTheme(theme) {
+    await page.getByLabel('Colours').selectOption(theme);
+}
+
+/** What axe finds serious. */
+async function assertAccessible(what) {
+    for (const theme of ['light', 'dark']) {
+        await useTheme(theme);
+        await page.evaluate(axeSource);
+        const { violations } = await page.evaluate(() => globalThis.axe.run(document));
+        const serious = violations
+            .filter(({ impact }) => impact === 'serious' || impact === 'critical')
+            .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html).slice(0, 3).join(' ')}`);
+        assert.deepEqual(serious, [], `${what}, ${theme}`);
+        await picture(`${what}-${theme}`);
+    }
+}
+
+/** Drops a file on the window, as a person does. */
+async function drop(path, name) {
+    const bytes = readFileSync(path).toString('base64');
+    await page.evaluate(
+        ([base64, fileName]) => {
+            const data = new DataTransfer();
+            data.items.add(new File([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))], fileName));
+            for (const type of ['dragenter', 'dragover', 'drop']) {
+                document.body.dispatchEvent(new DragEvent(type, { dataTransfer: data, bubbles: true, cancelable: true }));
+            }
+        },
+        [bytes, name],
+    );
+}
+
+const state = (name) => page.locator('.sub .state', { hasText: name }).waitFor();
+const iteration = async () =>
+    Number(/iteration ([\d,]+)/.exec(await page.locator('#curves-title + .muted').innerText())?.[1].replaceAll(',', '') ?? 0);
+
+async function waitUntil(condition, what) {
+    for (const end = Date.now() + 30_000; Date.now() < end; await page.waitForTimeout(50)) {
+        if (await condition()) {
+            return;
+        }
+    }
+    assert.fail(`never: ${what}`);
+}
+
+test('an empty queue explains itself', async () => {
+    await page.goto(server.url);
+    await page.getByText('Nothing to do').waitFor();
+
+    await assertAccessible('empty');
+});
+
+test('a surface that is dropped becomes a mesh while one watches', async () => {
+    await page.goto(server.url);
+    await page.getByText('Nothing to do').waitFor();
+    await drop(aorta, hostileName);
+    await page.getByText(hostileName).waitFor();
+    await page.getByLabel('Edge length').fill('2.5');
+    await page.getByText('More options').click();
+    await page.getByLabel('Note, shown with the job').fill(hostileLabel);
+    await assertAccessible('new');
+    await page.getByRole('button', { name: 'Remesh' }).click();
+
+    await state('succeeded');
+    await page.getByRole('link', { name: 'Open report' }).waitFor();
+    assert.ok((await iteration()) > 10, 'the curves hold the whole run');
+    assert.ok(await page.getByText('before mean').first().isVisible());
+    assert.ok(await page.getByText('open boundary').first().isVisible());
+    assert.equal(await page.locator('h1').innerText(), hostileName);
+    assert.ok(await page.getByText(hostileLabel).first().isVisible());
+    assert.equal(await page.evaluate(() => globalThis.hacked), undefined);
+    await page.locator('canvas[data-ready=yes]').waitFor();
+    await assertAccessible('job');
+});
+
+test('the view turns, cuts and changes its colours', async () => {
+    await page.goto(server.url);
+    await page.getByRole('link', { name: hostileName }).click();
+    const canvas = page.locator('canvas[data-ready=yes]');
+    await canvas.waitFor();
+    const looks = [];
+    const look = async () => {
+        await page.waitForTimeout(150);
+        looks.push((await canvas.screenshot()).toString('base64'));
+    };
+
+    await look();
+    const box = await canvas.boundingBox();
+    await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await page.mouse.down();
+    await page.mouse.move(box.x + box.width / 2 + 120, box.y + box.height / 2 + 30, { steps: 4 });
+    await page.mouse.up();
+    await look();
+    await canvas.press('ArrowRight');
+    await look();
+    await page.getByLabel('Colour by').selectOption('edge');
+    await look();
+    await page.getByText('Tetrahedra', { exact: true }).click();
+    await page.getByText(/[\d,]+ tetrahedra/).waitFor();
+    await page.getByLabel('Share that is cut away').fill('0.5');
+    await page.getByLabel('Colour by').selectOption('quality');
+    await look();
+    await picture('tetrahedra-cut');
+
+    assert.equal(new Set(looks).size, looks.length, 'every step changes the picture');
+});
+
+test('a report opens by itself and runs nothing', async () => {
+    await page.goto(server.url);
+    await page.getByRole('link', { name: hostileName }).click();
+    const opening = page.waitForEvent('popup');
+    await page.getByRole('link', { name: 'Open report' }).click();
+    const report = await opening;
+    await report.getByText('Quality before and after').waitFor();
+
+    assert.equal(await report.locator('h1').innerText(), hostileName);
+    const pictures = await report.locator('.pictures img').evaluateAll((images) => images.map((image) => image.naturalWidth));
+    assert.equal(pictures.length, 3);
+    assert.ok(pictures.every((width) => width > 50), 'pictures before, after and cut');
+    assert.equal(await report.locator('script').count(), 0);
+    await report.screenshot({ path: join(SCREENSHOTS, 'report.png'), fullPage: true });
+});
+
+test('a page goes on after the server restarted, and cancels', async () => {
+    const path = await server.submit(ventricle, '--edge-length', '0.5', '--format', 'vtu');
+    await page.goto(server.url + path);
+    await state('running');
+    await waitUntil(async () => (await iteration()) > 3, 'convergence');
+    const before = await iteration();
+    await waitUntil(async () => (await iteration()) > before, 'more iterations');
+    await picture('running');
+
+    await server.stop();
+    await page.getByText('Connection lost').waitFor();
+    await server.start();
+    await page.getByText('Live', { exact: true }).waitFor();
+    await state('running');
+    await waitUntil(async () => (await iteration()) > 0, 'convergence after the restart');
+
+    await page.getByRole('button', { name: 'Cancel' }).click();
+    await state('cancelled');
+    await page.goto(server.url);
+    await page.getByRole('row').filter({ hasText: 'left_lateral_ventricle' }).getByText('cancelled').waitFor();
+    await assertAccessible('queue');
+});
+
+test('a phone shows all of it without scrolling sideways', async () => {
+    await page.context().close();
+    page = await openPage({ viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
+    for (const address of ['/', '/new']) {
+        await page.goto(server.url + address);
+        await page.locator('h1').waitFor();
+        const spare = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        assert.ok(spare <= 0, `${address} is ${spare} px too wide`);
+        await picture(`phone-${address.slice(1) || 'queue'}`);
+    }
+    await page.goto(server.url);
+    await page.getByRole('link', { name: hostileName }).click();
+    await page.locator('canvas[data-ready=yes]').waitFor();
+    assert.ok((await page.evaluate(() => document.documentElement.scrollWidth - innerWidth)) <= 0);
+    await picture('phone-job');
+});
+
+test('nothing from elsewhere is loaded, and other sites are kept out', async () => {
+    const response = await page.goto(server.url);
+    assert.match(response.headers()['content-security-policy'], /default-src 'none'; script-src 'self'/);
+
+    const foreign = await page.request.post(`${server.url}/api/v1/jobs`, { data: {} });
+    assert.equal(foreign.status(), 403, 'a form of another site has no header of ours');
+    const rebound = await page.request.get(server.url, { headers: { Host: 'evil.example' } });
+    assert.equal(rebound.status(), 421, 'a name that someone else controls');
+});
