@@ -177,8 +177,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     }
 
     clock.enter(Stage::Improve);
-    auto improved =
-        improve_mesh(carved, particles.anchor, domain, features, *sizing, options.improve, run);
+    auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run);
     carved = {};
     particles = {};
 

@@ -5,7 +5,6 @@
 
 #include "core/geometry/domain.h"
 #include "core/geometry/particles.h"
-#include "core/geometry/sizing_field.h"
 #include "core/run_context.h"
 #include "core/stages/carve.h"
 #include "core/stages/features.h"
@@ -34,7 +33,8 @@ struct ImproveResult {
     std::vector<Index> curve{};        ///< #V curve of Curve vertices, else kNone.
     std::int64_t flips = 0;
     std::int64_t collapses = 0;
-    int rounds = 1;  ///< Restarts with frozen vertices until the result checked out.
+    std::int64_t splits = 0;  ///< Vertices inserted.
+    int rounds = 1;           ///< Restarts with frozen vertices until the result checked out.
     std::int64_t frozen_vertices = 0;
 };
 
@@ -53,8 +53,7 @@ struct ImproveResult {
 /// Error{Cancelled}
 ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
                            const Domain& domain, const FeatureSet& features,
-                           const SizingField& sizing, const ImproveOptions& options,
-                           RunContext& run);
+                           const ImproveOptions& options, RunContext& run);
 
 void validate(const ImproveOptions& options);
 

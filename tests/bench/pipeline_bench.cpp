@@ -138,8 +138,8 @@ void improve(benchmark::State& state) {
     const auto carved = carve_domain(b.relaxed, tetrahedralize(b.relaxed.position, unstoppable),
                                      b.domain(), {}, unstoppable);
     measure(state, [&](const Prefix& before, RunContext& run) {
-        benchmark::DoNotOptimize(improve_mesh(carved, before.relaxed.anchor, before.domain(),
-                                              before.features, *before.sizing, {}, run));
+        benchmark::DoNotOptimize(
+            improve_mesh(carved, before.relaxed.anchor, before.domain(), before.features, {}, run));
     });
 }
 

@@ -14,6 +14,7 @@
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/verify.h"
 #include "tests/support/analytic_domain.h"
+#include "tests/support/shapes.h"
 
 namespace remesh {
 namespace {
@@ -164,8 +165,7 @@ double volume(const TetMesh& mesh) {
 ImproveResult improve_sphere(const ImproveOptions& options = {}) {
     const auto carved = carved_sphere();
     RunContext run;
-    return improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {},
-                        UniformSizing(kSphereSpacing), options, run);
+    return improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {}, options, run);
 }
 
 TEST(ImproveMesh, RaisesTheWorstDihedralOfASphereAboveTwentyDegrees) {
@@ -230,13 +230,60 @@ TEST(ImproveMesh, GivesTheSameBitsOnAnyNumberOfThreads) {
     }
 }
 
+// Two spheres that touch; the left one is to swell into the right one as far as it may.
+class SwellingDomain final : public testing::AnalyticDomain {
+public:
+    static constexpr double kApart = 2.02;
+
+    SwellingDomain() : AnalyticDomain(testing::icosphere(3)) {}
+
+    [[nodiscard]] BoundaryPoint closest(const Vec3& point, Index /*hint*/) const override {
+        const bool is_left = point.x() < 0.5 * kApart;
+        const Vec3 center = is_left ? Vec3(0, 0, 0) : Vec3(kApart, 0, 0);
+        const double radius = is_left ? 1.04 : 1.0;
+        BoundaryPoint on;
+        on.normal = (point - center).normalized();
+        on.point = center + radius * on.normal;
+        on.distance = (on.point - point).norm();
+        return on;
+    }
+    [[nodiscard]] double signed_distance(const Vec3& point) const override {
+        return std::min(point.norm(), (point - Vec3(kApart, 0, 0)).norm()) - 1.0;
+    }
+};
+
+TEST(ImproveMesh, FreezesVerticesWhereItsResultWouldIntersectItself) {
+    auto carved = carved_sphere();
+    const auto count = static_cast<Index>(carved.result.mesh.vertices.size());
+    for (Index v = 0; v < count; ++v) {
+        const Vec3 x = carved.result.mesh.vertices[at(v)];
+        const Vec3 mirrored(SwellingDomain::kApart - x.x(), x.y(), x.z());
+        carved.result.mesh.vertices.push_back(mirrored);
+        carved.result.kind.push_back(carved.result.kind[at(v)]);
+        carved.anchor.push_back(kNone);
+    }
+    const auto tets = carved.result.mesh.tets;
+    for (const Tet& t : tets) {
+        carved.result.mesh.tets.push_back({t[1] + count, t[0] + count, t[2] + count, t[3] + count});
+    }
+    RunContext run;
+
+    const auto improved = improve_mesh(carved.result, carved.anchor, SwellingDomain(), {}, {}, run);
+
+    EXPECT_GT(improved.rounds, 1);
+    EXPECT_GT(improved.frozen_vertices, 0);
+    EXPECT_LT(improved.frozen_vertices, count);
+    EXPECT_FALSE(check_tets(improved.mesh, run).any());
+    EXPECT_GT(volume(improved.mesh), 1.04 * volume(carved.result.mesh));
+}
+
 TEST(ImproveMesh, KeepsTheCornersOfABoxAndSlidesAlongItsEdges) {
     const testing::BoxDomain domain(Vec3::Ones());
     const auto carved = carved_box(domain);
     RunContext run;
 
-    const auto improved = improve_mesh(carved.result, carved.anchor, domain, domain.features(),
-                                       UniformSizing(kBoxSpacing), {}, run);
+    const auto improved =
+        improve_mesh(carved.result, carved.anchor, domain, domain.features(), {}, run);
 
     std::size_t corners = 0;
     for (std::size_t v = 0; v < improved.kind.size(); ++v) {
@@ -260,8 +307,8 @@ TEST(ImproveMesh, NeverLetsTheWorstElementOfABoxGetWorse) {
     const auto carved = carved_box(domain);
     RunContext run;
 
-    const auto improved = improve_mesh(carved.result, carved.anchor, domain, domain.features(),
-                                       UniformSizing(kBoxSpacing), {}, run);
+    const auto improved =
+        improve_mesh(carved.result, carved.anchor, domain, domain.features(), {}, run);
 
     EXPECT_GE(worst_dihedral_sine(improved.mesh), worst_dihedral_sine(carved.result.mesh));
 }
@@ -294,8 +341,7 @@ TEST(ImproveMesh, TellsTheQualityAfterEachPass) {
     });
     run.enter(Stage::Improve);
 
-    improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {},
-                 UniformSizing(kSphereSpacing), {.passes = 3}, run);
+    improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {}, {.passes = 3}, run);
 
     ASSERT_EQ(samples.size(), 3U);
     EXPECT_GT(samples.back().mean, 0.8);
@@ -334,7 +380,7 @@ TEST(ImproveMesh, RefusesACarvedMeshThatIsNotValid) {
 
     try {
         improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {},
-                     UniformSizing(kSphereSpacing), {.mode = ImproveMode::StrictDelaunay}, run);
+                     {.mode = ImproveMode::StrictDelaunay}, run);
         FAIL() << "expected an error";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ErrorCode::Unmeshable);
@@ -349,8 +395,7 @@ TEST(ImproveMesh, StopsWhenAsked) {
     RunContext run(stop.get_token());
 
     try {
-        improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {},
-                     UniformSizing(kSphereSpacing), {}, run);
+        improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {}, {}, run);
         FAIL() << "expected an error";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ErrorCode::Cancelled);

@@ -13,6 +13,12 @@ namespace {
 constexpr double kGain = 1.02;            // Least relative rise of the worst element.
 constexpr double kNormalCosine = 0.8;     // About 37 degrees.
 constexpr double kPoorAngleSine = 0.423;  // 25 degrees: no new triangle below, or below the old.
+constexpr double kStraightCosine = 0.9;   // About 26 degrees.
+constexpr double kLeastSine = 0.01;       // Of dihedrals, for a start.
+
+double sine_of(const LiveMesh& mesh, const Tet& t) {
+    return dihedral_sine(mesh.point(t[0]), mesh.point(t[1]), mesh.point(t[2]), mesh.point(t[3]));
+}
 
 using Edge = std::pair<Index, Index>;
 
@@ -153,6 +159,72 @@ bool may_collapse(const LiveMesh& mesh, Index v, Index w, const std::vector<Link
                          [w](const LinkEdge& e) { return touches(e, w); }) == kTrianglesAtEdge;
 }
 
+struct Contraction {
+    std::vector<Index> gone{};
+    std::vector<Tet> made{};
+    double worst_old = 1.0;
+    double worst_new = 1.0;
+};
+
+Contraction plan_contraction(const LiveMesh& mesh, Index v, Index w) {
+    Contraction plan;
+    plan.gone.assign(mesh.around(v).begin(), mesh.around(v).end());
+    for (const Index t : plan.gone) {
+        Tet tet = mesh.tet(t);
+        plan.worst_old = std::min(plan.worst_old, sine_of(mesh, tet));
+        if (!has(tet, w)) {
+            std::replace(tet.begin(), tet.end(), v, w);
+            plan.worst_new = std::min(plan.worst_new, sine_of(mesh, tet));
+            plan.made.push_back(tet);
+        }
+    }
+    return plan;
+}
+
+void apply(LiveMesh& mesh, const Contraction& plan) {
+    for (const Index t : plan.gone) {
+        mesh.remove(t);
+    }
+    for (const auto& tet : plan.made) {
+        mesh.add(tet);
+    }
+}
+
+// Whether (v, w) is a piece of v's curve, which goes on nearly straight behind v.
+bool runs_along_curve(const LiveMesh& mesh, Index v, Index w, const std::vector<LinkEdge>& fan) {
+    const auto is_bound = [&](Index x) {
+        return mesh.kind(x) == ParticleKind::Corner ||
+               (mesh.kind(x) == ParticleKind::Curve && mesh.anchor(x) == mesh.anchor(v));
+    };
+    std::vector<Index> ends = fan_vertices(fan);
+    std::erase_if(ends, [&](Index x) { return !is_bound(x); });
+    if (ends.size() != 2 || (ends[0] != w && ends[1] != w)) {
+        return false;
+    }
+    const Vec3 before = (mesh.point(v) - mesh.point(ends[0])).normalized();
+    const Vec3 behind = (mesh.point(ends[1]) - mesh.point(v)).normalized();
+    return before.dot(behind) > kStraightCosine;
+}
+
+bool follows_domain(const LiveMesh& mesh, const Shape& shape, Index v, Index w,
+                    const std::vector<LinkEdge>& fan) {
+    const bool is_curve = mesh.kind(v) == ParticleKind::Curve;
+    const Vec3& from = mesh.point(v);
+    const Vec3& to = mesh.point(w);
+    return std::all_of(fan.begin(), fan.end(), [&](const LinkEdge& edge) {
+        const Vec3& p = mesh.point(edge.from);
+        const Vec3& q = mesh.point(edge.to);
+        if (touches(edge, w)) {
+            return true;
+        }
+        if (is_curve) {  // On one side of the curve, so that the triangles tell which.
+            const Vec3 now = (p - from).cross(q - from).normalized();
+            return (p - to).cross(q - to).normalized().dot(now) > kNormalCosine;
+        }
+        return follows_boundary(shape, to, p, q);
+    });
+}
+
 }  // namespace
 
 bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale) {
@@ -163,31 +235,35 @@ bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale) {
     if (!may_collapse(mesh, v, w, fan)) {
         return false;
     }
-    double worst_old = 1.0;
-    double worst_new = 1.0;
-    std::vector<Tet> made;
-    std::vector<Index> gone(mesh.around(v).begin(), mesh.around(v).end());
-    for (const Index t : gone) {
-        Tet tet = mesh.tet(t);
-        worst_old = std::min(worst_old, dihedral_sine(mesh.point(tet[0]), mesh.point(tet[1]),
-                                                      mesh.point(tet[2]), mesh.point(tet[3])));
-        if (!has(tet, w)) {
-            std::replace(tet.begin(), tet.end(), v, w);
-            worst_new = std::min(worst_new, dihedral_sine(mesh.point(tet[0]), mesh.point(tet[1]),
-                                                          mesh.point(tet[2]), mesh.point(tet[3])));
-            made.push_back(tet);
-        }
-    }
-    if (made.empty() || !keeps_shape(mesh, v, w, fan, triangle_scale, worst_old, worst_new) ||
-        worst_new <= std::max(worst_old, 0.0) * kGain + 1e-6 || !keeps_topology(mesh, v, w, fan)) {
+    auto plan = plan_contraction(mesh, v, w);
+    if (plan.made.empty() ||
+        !keeps_shape(mesh, v, w, fan, triangle_scale, plan.worst_old, plan.worst_new) ||
+        plan.worst_new <= std::max(plan.worst_old, 0.0) * kGain + 1e-6 ||
+        !keeps_topology(mesh, v, w, fan)) {
         return false;
     }
-    for (const Index t : gone) {
-        mesh.remove(t);
+    apply(mesh, plan);
+    return true;
+}
+
+bool contract_edge(LiveMesh& mesh, const Shape& shape, Index v, Index w) {
+    std::vector<LinkEdge> fan;
+    if (mesh.on_boundary(v)) {
+        mesh.boundary_fan(v, fan);
     }
-    for (const auto& tet : made) {
-        mesh.add(tet);
+    const bool is_legal =
+        mesh.kind(v) == ParticleKind::Curve
+            ? !mesh.is_locked(v) && !mesh.is_locked(w) && runs_along_curve(mesh, v, w, fan)
+            : may_collapse(mesh, v, w, fan);
+    if (!is_legal) {
+        return false;
     }
+    const auto plan = plan_contraction(mesh, v, w);
+    if (plan.made.empty() || plan.worst_new < kLeastSine || !keeps_topology(mesh, v, w, fan) ||
+        !follows_domain(mesh, shape, v, w, fan)) {
+        return false;
+    }
+    apply(mesh, plan);
     return true;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/stages/improve/live_mesh.h"
+#include "core/stages/improve/smooth.h"
 
 namespace remesh::improve {
 
@@ -11,5 +12,10 @@ namespace remesh::improve {
 /// the normals stay within 37 degrees and no triangle gets a poor angle. Curve vertices and corners
 /// stay.
 bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale);
+
+/// Contracts (v, w) onto w whatever becomes of the angles, as a first step of something larger, if
+/// topology, orientation and shape allow it: the new triangles have to follow the domain's
+/// boundary. A curve vertex may go along its curve, where that is nearly straight.
+bool contract_edge(LiveMesh& mesh, const Shape& shape, Index v, Index w);
 
 }  // namespace remesh::improve

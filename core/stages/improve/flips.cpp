@@ -5,11 +5,11 @@
 #include <optional>
 
 #include "core/stages/improve/measures.h"
+#include "core/stages/improve/ring.h"
 
 namespace remesh::improve {
 namespace {
 
-constexpr std::size_t kMaxRing = 8;
 constexpr double kGain = 1e-4;            // Least relative gain, so that no two flips take turns.
 constexpr double kNormalCosine = 0.8;     // About 37 degrees.
 constexpr double kBentCosine = 0.75;      // Between the two new triangles of a surface flip.
@@ -26,88 +26,6 @@ double measure(const LiveMesh& mesh, Index a, Index b, Index c, Index d) {
 template <typename Measure>
 double measure(const LiveMesh& mesh, const Tet& t) {
     return measure<Measure>(mesh, t[0], t[1], t[2], t[3]);
-}
-
-// The tets around an edge (a, b), in order, and the vertices that they pass.
-struct Ring {
-    std::array<Index, kMaxRing> tets{};
-    std::array<Index, kMaxRing + 1> vertices{};
-    std::size_t tet_count = 0;
-    std::size_t size = 0;  // Of vertices; one more than tets where the edge is on the boundary.
-    [[nodiscard]] bool is_open() const { return size == tet_count + 1; }
-};
-
-// Corners c and d of a tet, so that (a, b, c, d) is positively oriented.
-std::array<Index, 2> rest_of(const Tet& tet, Index a, Index b) {
-    std::size_t ia = 0;
-    while (tet[ia] != a) {
-        ++ia;
-    }
-    const auto& order = kToFront[ia];
-    for (std::size_t k = 1; k < 4; ++k) {
-        if (tet[order[k]] == b) {
-            return {tet[order[k % 3 + 1]], tet[order[(k + 1) % 3 + 1]]};
-        }
-    }
-    return {kNone, kNone};
-}
-
-std::optional<Ring> ring_around(const LiveMesh& mesh, Index a, Index b) {
-    std::array<Index, kMaxRing> tets{};
-    std::array<std::array<Index, 2>, kMaxRing> sides{};
-    std::size_t n = 0;
-    for (const Index t : mesh.around(a)) {
-        if (!has(mesh.tet(t), b)) {
-            continue;
-        }
-        if (n == kMaxRing) {
-            return std::nullopt;
-        }
-        tets[n] = t;
-        sides[n++] = rest_of(mesh.tet(t), a, b);
-    }
-    if (n == 0) {
-        return std::nullopt;
-    }
-    std::size_t current = n;
-    for (std::size_t i = 0; i < n; ++i) {
-        const bool has_previous = std::any_of(sides.begin(), sides.begin() + n,
-                                              [&](auto& side) { return side[1] == sides[i][0]; });
-        if (!has_previous) {
-            if (current != n) {
-                return std::nullopt;  // Two fans: the edge isn't manifold.
-            }
-            current = i;
-        }
-    }
-    const bool is_open = current != n;
-    Ring ring;
-    ring.tet_count = n;
-    current = is_open ? current : 0;
-    for (std::size_t step = 0; step < n; ++step) {
-        ring.tets[step] = tets[current];
-        ring.vertices[ring.size++] = sides[current][0];
-        const Index to = sides[current][1];
-        std::size_t next = 0;
-        while (next < n && sides[next][0] != to) {
-            ++next;
-        }
-        if (step + 1 == n) {
-            if (is_open ? next != n : to != ring.vertices[0]) {
-                return std::nullopt;
-            }
-            if (is_open) {
-                ring.vertices[ring.size++] = to;
-            }
-        } else if (next == n) {
-            return std::nullopt;
-        }
-        current = next;
-    }
-    if (ring.size > kMaxRing) {
-        return std::nullopt;
-    }
-    return ring;
 }
 
 // A planned surface flip: how much the smallest angle of the two triangles gains.

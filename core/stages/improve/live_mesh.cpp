@@ -107,6 +107,8 @@ void LiveMesh::restore(Index t, const Tet& tet) {
 void LiveMesh::begin() {
     journal_.clear();
     recording_ = true;
+    first_vertex_ = points_.size();
+    first_slot_ = tets_.size();
 }
 
 void LiveMesh::commit() {
@@ -124,6 +126,13 @@ void LiveMesh::roll_back() {
         }
     }
     journal_.clear();
+    points_.resize(first_vertex_);
+    kinds_.resize(first_vertex_);
+    anchors_.resize(first_vertex_);
+    locked_.resize(first_vertex_);
+    changed_.resize(first_vertex_);
+    blocks_.resize(first_vertex_);
+    tets_.resize(first_slot_);
 }
 
 void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {
@@ -134,14 +143,18 @@ void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {
     changed_[at(v)] = 1;
 }
 
-std::vector<Index> LiveMesh::added() const {
-    std::vector<Index> alive;
+void LiveMesh::touched(std::vector<Index>& tets) const {
+    tets.clear();
     for (const auto& record : journal_) {
         if (record.change == Change::Added && is_alive(record.id)) {
-            alive.push_back(record.id);
+            tets.push_back(record.id);
+        } else if (record.change == Change::Moved) {
+            const auto star = around(record.id);
+            tets.insert(tets.end(), star.begin(), star.end());
         }
     }
-    return alive;
+    std::sort(tets.begin(), tets.end());
+    tets.erase(std::unique(tets.begin(), tets.end()), tets.end());
 }
 
 void LiveMesh::boundary_fan(Index v, std::vector<LinkEdge>& edges) const {

@@ -68,14 +68,16 @@ public:
         anchors_[at(v)] = anchor;
     }
 
-    /// From here on changes are recorded, until `commit` or `roll_back`.
+    /// From here on changes are recorded, until `commit` or `roll_back`, which also takes back
+    /// vertices and slots.
     void begin();
     void commit();
     void roll_back();
     /// As `move`, but can be rolled back, and sets the changed flag.
     void move_recorded(Index v, const Vec3& point, Index anchor);
-    /// Tets added since `begin` that are still alive.
-    [[nodiscard]] std::vector<Index> added() const;
+    /// Tets added since `begin`, and those around vertices moved since, that are still alive.
+    /// `tets` is replaced; sorted, without repeats.
+    void touched(std::vector<Index>& tets) const;
 
     /// Boundary triangles at a vertex, as edges of its link. `edges` is replaced.
     void boundary_fan(Index v, std::vector<LinkEdge>& edges) const;
@@ -116,6 +118,8 @@ private:
     std::vector<Index> pool_;
     std::vector<Record> journal_;
     bool recording_ = false;
+    std::size_t first_vertex_ = 0;  // Added since `begin`.
+    std::size_t first_slot_ = 0;
 };
 
 }  // namespace remesh::improve

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/parallel.h"
+#include "core/stages/improve/measures.h"
 
 namespace remesh::improve {
 namespace {
@@ -72,50 +73,8 @@ Colouring colour_vertices(const LiveMesh& mesh, const std::vector<std::uint8_t>&
     return result;
 }
 
-// Newton direction in the whole space, in the tangent plane of a surface, or along a curve;
-// steepest descent where the Hessian isn't positive.
-Vec3 descent(const Star::Model& model, ParticleKind kind, const Vec3& axis) {
-    if (kind == ParticleKind::Volume) {
-        const Eigen::LLT<Eigen::Matrix3d> factor(model.hessian);
-        if (factor.info() == Eigen::Success) {
-            return -factor.solve(model.gradient);
-        }
-        return -model.gradient / (model.hessian.norm() + 1e-300);
-    }
-    if (kind == ParticleKind::Curve) {
-        const double slope = axis.dot(model.gradient);
-        const double bend = std::abs(axis.dot(model.hessian * axis));
-        return axis * (-slope / (bend + 1e-300));
-    }
-    const Vec3 e1 = axis.unitOrthogonal();
-    const Vec3 e2 = axis.cross(e1);
-    const double g1 = e1.dot(model.gradient);
-    const double g2 = e2.dot(model.gradient);
-    const double h11 = e1.dot(model.hessian * e1);
-    const double h12 = e1.dot(model.hessian * e2);
-    const double h22 = e2.dot(model.hessian * e2);
-    const double determinant = h11 * h22 - h12 * h12;
-    if (h11 > 0.0 && determinant > 1e-9 * h11 * h22) {
-        return (-(h22 * g1 - h12 * g2) * e1 - (h11 * g2 - h12 * g1) * e2) / determinant;
-    }
-    return -(g1 * e1 + g2 * e2) / (std::abs(h11) + std::abs(h22) + std::abs(h12) + 1e-300);
-}
-
-// Direction a vertex of the boundary is bound by: the surface's normal or the curve's tangent.
-Vec3 bound_axis(const LiveMesh& mesh, const Shape& shape, Index v, const Star& star) {
-    switch (mesh.kind(v)) {
-        case ParticleKind::Curve:
-            return closest_on_curve(shape.features.curves[at(mesh.anchor(v))], mesh.point(v))
-                .tangent;
-        case ParticleKind::Surface: return star.fan_normal(mesh.point(v)).normalized();
-        case ParticleKind::Volume:
-        case ParticleKind::Corner: break;
-    }
-    return Vec3::Zero();
-}
-
 // Returns the length of the move relative to the mean edge.
-double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, Star& star) {
+double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, double floor, Star& star) {
     star.gather(mesh, v);
     if (star.empty()) {
         return 0.0;
@@ -146,6 +105,13 @@ double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, Star& star) {
         if (is_flat && star.flatness(place.point) < std::max(flatness, 0.0)) {
             continue;
         }
+        if (star.folds(x, place.point)) {
+            continue;
+        }
+        if (floor > 0.0 && star.worst(place.point, kTriangleScale) <
+                               std::min(floor, star.worst(x, kTriangleScale))) {
+            continue;
+        }
         mesh.move(v, place.point, place.anchor);
         return (place.point - x).norm() / edge;
     }
@@ -153,6 +119,45 @@ double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, Star& star) {
 }
 
 }  // namespace
+
+Vec3 descent(const Star::Model& model, ParticleKind kind, const Vec3& axis) {
+    if (kind == ParticleKind::Volume) {
+        const Eigen::LLT<Eigen::Matrix3d> factor(model.hessian);
+        if (factor.info() == Eigen::Success) {
+            return -factor.solve(model.gradient);
+        }
+        return -model.gradient / (model.hessian.norm() + 1e-300);
+    }
+    if (kind == ParticleKind::Curve) {
+        const double slope = axis.dot(model.gradient);
+        const double bend = std::abs(axis.dot(model.hessian * axis));
+        return axis * (-slope / (bend + 1e-300));
+    }
+    const Vec3 e1 = axis.unitOrthogonal();
+    const Vec3 e2 = axis.cross(e1);
+    const double g1 = e1.dot(model.gradient);
+    const double g2 = e2.dot(model.gradient);
+    const double h11 = e1.dot(model.hessian * e1);
+    const double h12 = e1.dot(model.hessian * e2);
+    const double h22 = e2.dot(model.hessian * e2);
+    const double determinant = h11 * h22 - h12 * h12;
+    if (h11 > 0.0 && determinant > 1e-9 * h11 * h22) {
+        return (-(h22 * g1 - h12 * g2) * e1 - (h11 * g2 - h12 * g1) * e2) / determinant;
+    }
+    return -(g1 * e1 + g2 * e2) / (std::abs(h11) + std::abs(h22) + std::abs(h12) + 1e-300);
+}
+
+Vec3 bound_axis(const LiveMesh& mesh, const Shape& shape, Index v, const Star& star) {
+    switch (mesh.kind(v)) {
+        case ParticleKind::Curve:
+            return closest_on_curve(shape.features.curves[at(mesh.anchor(v))], mesh.point(v))
+                .tangent;
+        case ParticleKind::Surface: return star.fan_normal(mesh.point(v)).normalized();
+        case ParticleKind::Volume:
+        case ParticleKind::Corner: break;
+    }
+    return Vec3::Zero();
+}
 
 Place place_on(const Shape& shape, ParticleKind kind, Index anchor, const Vec3& point) {
     if (kind == ParticleKind::Surface) {
@@ -165,8 +170,17 @@ Place place_on(const Shape& shape, ParticleKind kind, Index anchor, const Vec3& 
     return {point, anchor};
 }
 
+bool follows_boundary(const Shape& shape, const Vec3& a, const Vec3& b, const Vec3& c) {
+    constexpr double kCosine = 0.6;
+    constexpr double kDistance = 0.2;  // Of the mean edge.
+    const double edge = ((b - a).norm() + (c - b).norm() + (a - c).norm()) / 3.0;
+    const auto on = shape.domain.closest((a + b + c) / 3.0);
+    return on.distance < kDistance * edge &&
+           (b - a).cross(c - a).normalized().dot(on.normal) > kCosine;
+}
+
 SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,
-                             double surface_weight, const RunContext& run) {
+                             double surface_weight, double floor, const RunContext& run) {
     const std::size_t n = mesh.vertex_count();
     std::vector<std::uint8_t> wanted(n, 0);
     for_each_index(n, run,
@@ -177,7 +191,7 @@ SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,
         Star star(power, surface_weight);
         for (std::size_t i = begin; i < end; ++i) {
             const Index v = colours.vertices[i];
-            move[at(v)] = static_cast<float>(smooth_vertex(mesh, shape, v, star));
+            move[at(v)] = static_cast<float>(smooth_vertex(mesh, shape, v, floor, star));
         }
     };
     for (std::size_t colour = 0; colour + 1 < colours.begin.size(); ++colour) {
@@ -201,50 +215,6 @@ SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,
         result.sum_squares += length * length;
     }
     return result;
-}
-
-bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, double triangle_scale, Star& star) {
-    if (mesh.is_locked(v) || mesh.kind(v) == ParticleKind::Corner) {
-        return false;
-    }
-    star.gather(mesh, v);
-    if (star.empty()) {
-        return false;
-    }
-    constexpr int kSteps = 4;
-    Vec3 x = mesh.point(v);
-    Index anchor = mesh.anchor(v);
-    double worst = star.worst(x, triangle_scale);
-    bool has_moved = false;
-    for (int i = 0; i < kSteps; ++i) {
-        const double edge = star.edge_length(x);
-        const auto model = star.model(x, star.flatness(x) <= 10.0 * Star::kFlat ? kLift : 0.0);
-        Vec3 step = descent(model, mesh.kind(v), bound_axis(mesh, shape, v, star));
-        const double length = step.norm();
-        if (!(length > 1e-4 * edge)) {
-            break;
-        }
-        if (length > kMaxStep * edge) {
-            step *= kMaxStep * edge / length;
-        }
-        bool has_improved = false;
-        for (int attempt = 0; attempt < 4 && !has_improved; ++attempt, step *= 0.4) {
-            const Place place = place_on(shape, mesh.kind(v), anchor, x + step);
-            const double raised = star.worst(place.point, triangle_scale);
-            if (raised > worst + 1e-6 && star.flatness(place.point) > 10.0 * Star::kFlat) {
-                x = place.point;
-                anchor = place.anchor;
-                worst = raised;
-                has_improved = true;
-            }
-        }
-        if (!has_improved) {
-            break;
-        }
-        mesh.move_recorded(v, x, anchor);
-        has_moved = true;
-    }
-    return has_moved;
 }
 
 }  // namespace remesh::improve

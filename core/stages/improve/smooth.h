@@ -35,11 +35,21 @@ struct SmoothResult {
 /// no two vertices of one colour share a tet, so that each colour runs on all threads and the
 /// result is the same for any number of them. A vertex moves only where its energy falls and no
 /// tet of its star gets inverted.
+///
+/// \param floor  no star gets an element worse than this (see Star::worst) that had none; 0: any
 SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,
-                             double surface_weight, const RunContext& run);
+                             double surface_weight, double floor, const RunContext& run);
 
-/// Newton steps for one vertex, serial, recorded; a step counts only if the worst element of the
-/// star (see Star::worst) gets better. Returns whether the vertex moved.
-bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, double triangle_scale, Star& star);
+/// Direction a vertex of the boundary is bound by: the surface's normal or the curve's tangent;
+/// zero for others.
+[[nodiscard]] Vec3 bound_axis(const LiveMesh& mesh, const Shape& shape, Index v, const Star& star);
+
+/// Newton direction in the whole space, in the tangent plane of a surface, or along a curve;
+/// steepest descent where the Hessian isn't positive.
+[[nodiscard]] Vec3 descent(const Star::Model& model, ParticleKind kind, const Vec3& axis);
+
+/// Whether a triangle lies on the domain's boundary as far as its size allows, facing outward.
+[[nodiscard]] bool follows_boundary(const Shape& shape, const Vec3& a, const Vec3& b,
+                                    const Vec3& c);
 
 }  // namespace remesh::improve

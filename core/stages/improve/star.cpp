@@ -155,6 +155,25 @@ Vec3 Star::fan_normal(const Vec3& x) const {
     return sum;
 }
 
+double Star::fan_cosine(const Vec3& x) const {
+    const Vec3 mean = fan_normal(x).normalized();
+    double least = 1.0;
+    for (const auto& triangle : triangles_) {
+        const Vec3 normal = (triangle.from - x).cross(triangle.to - x);
+        least = std::min(least, normal.dot(mean) / (normal.norm() + 1e-300));
+    }
+    return least;
+}
+
+bool Star::folds(const Vec3& from, const Vec3& to) const {
+    constexpr double kFoldCosine = 0.5;
+    if (triangles_.empty()) {
+        return false;
+    }
+    const double cosine = fan_cosine(to);
+    return cosine < kFoldCosine && cosine < fan_cosine(from);
+}
+
 double Star::edge_length(const Vec3& x) const {
     double sum = 0.0;
     for (const auto& tet : tets_) {
@@ -172,6 +191,16 @@ double Star::worst(const Vec3& x, double triangle_scale) const {
         least = std::min(least, triangle_scale * angle_sine(x, triangle.from, triangle.to));
     }
     return least;
+}
+
+void Star::sines(const Vec3& x, double triangle_scale, std::vector<double>& values) const {
+    values.clear();
+    for (const auto& tet : tets_) {
+        values.push_back(dihedral_sine(x, tet.a, tet.b, tet.c));
+    }
+    for (const auto& triangle : triangles_) {
+        values.push_back(triangle_scale * angle_sine(x, triangle.from, triangle.to));
+    }
 }
 
 }  // namespace remesh::improve

@@ -34,12 +34,20 @@ public:
 
     /// Sum of the outward normals of the boundary triangles, weighted by area.
     [[nodiscard]] Vec3 fan_normal(const Vec3& x) const;
+    /// Smallest cosine between the normal of a boundary triangle and the mean of all; 1 for volume
+    /// vertices.
+    [[nodiscard]] double fan_cosine(const Vec3& x) const;
+    /// Whether a move from one place to another folds the boundary over.
+    [[nodiscard]] bool folds(const Vec3& from, const Vec3& to) const;
     /// Mean length of the edges at the vertex.
     [[nodiscard]] double edge_length(const Vec3& x) const;
     [[nodiscard]] bool empty() const { return tets_.empty(); }
 
     /// Worst dihedral sine of the tets, and angle sine of the triangles times `triangle_scale`.
     [[nodiscard]] double worst(const Vec3& x, double triangle_scale) const;
+
+    /// The same of each of them, tets first. `values` is replaced.
+    void sines(const Vec3& x, double triangle_scale, std::vector<double>& values) const;
 
     static constexpr double kFlat = 1e-6;
 

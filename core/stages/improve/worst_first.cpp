@@ -6,11 +6,14 @@
 #include "core/stages/improve/collapse.h"
 #include "core/stages/improve/flips.h"
 #include "core/stages/improve/measures.h"
+#include "core/stages/improve/raise.h"
+#include "core/stages/improve/surgery.h"
 
 namespace remesh::improve {
 namespace {
 
 constexpr double kPower = 9.0;  // Steep, so that the worst tets of a star rule its energy.
+constexpr std::size_t kBlock = 64;
 
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
     {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
@@ -24,9 +27,6 @@ bool is_boundary_face(const LiveMesh& mesh, Index t, std::size_t corner) {
     const Index a = tet[kFaces[corner][0]];
     const Index b = tet[kFaces[corner][1]];
     const Index c = tet[kFaces[corner][2]];
-    if (!mesh.on_boundary(a) || !mesh.on_boundary(b) || !mesh.on_boundary(c)) {
-        return false;
-    }
     const auto around = mesh.around(a);
     return std::none_of(around.begin(), around.end(), [&](Index s) {
         return s != t && has(mesh.tet(s), b) && has(mesh.tet(s), c);
@@ -58,6 +58,12 @@ struct Bad {
     Index tet;
 };
 
+void sort_worst_first(std::vector<Bad>& bad) {
+    std::sort(bad.begin(), bad.end(), [](const Bad& a, const Bad& b) {
+        return a.score != b.score ? a.score < b.score : a.tet < b.tet;
+    });
+}
+
 std::vector<Bad> bad_tets(const LiveMesh& mesh, double goal) {
     std::vector<Bad> bad;
     for (std::size_t i = 0; i < mesh.slot_count(); ++i) {
@@ -68,42 +74,61 @@ std::vector<Bad> bad_tets(const LiveMesh& mesh, double goal) {
             }
         }
     }
-    std::sort(bad.begin(), bad.end(), [](const Bad& a, const Bad& b) {
-        return a.score != b.score ? a.score < b.score : a.tet < b.tet;
-    });
+    sort_worst_first(bad);
     return bad;
 }
 
-class WorstFirst {
+// Operations on one bad tet.
+class Visit {
 public:
-    WorstFirst(LiveMesh& mesh, const Shape& shape, double goal)
-        : mesh_(mesh), shape_(shape), goal_(goal), star_(kPower, 1.0) {}
+    Visit(LiveMesh& mesh, const Shape& shape, double goal, double limit, WorstFirstResult& result)
+        : mesh_(mesh),
+          shape_(shape),
+          goal_(goal),
+          limit_(limit),
+          star_(kPower, 1.0),
+          result_(result) {}
 
-    void visit(Index t) {
+    void simply(Index t) {
         if (flip_tet(mesh_, t, Judge::DihedralSine)) {
             ++result_.flips;
-            return;
-        }
-        if (smooth(t) && score(mesh_, t, goal_) >= goal_) {
-            return;
-        }
-        if (collapse(t)) {
+        } else if (!(smooth(t) && score(mesh_, t, goal_) >= goal_) && collapse(t)) {
             ++result_.collapses;
-            return;
-        }
-        if (split(t)) {
-            ++result_.splits;
         }
     }
 
-    [[nodiscard]] WorstFirstResult& result() { return result_; }
+    // Returns whether something helped; `touched()` says what it changed.
+    bool thoroughly(Index t) {
+        const Tet tet = mesh_.tet(t);
+        for (const auto& [i, j] : kEdges) {
+            for (const auto& [v, w] : {std::pair{tet[i], tet[j]}, std::pair{tet[j], tet[i]}}) {
+                if (attempt(t, [&] { return contract_edge(mesh_, shape_, v, w); })) {
+                    ++result_.collapses;
+                    return true;
+                }
+            }
+        }
+        if (reshape_boundary(t, tet)) {
+            ++result_.flips;
+            return true;
+        }
+        if (insert(t, tet)) {
+            ++result_.splits;
+            return true;
+        }
+        return false;
+    }
+
+    [[nodiscard]] const std::vector<Index>& touched() const { return touched_; }
+    [[nodiscard]] std::int64_t attempts() const { return attempts_; }
 
 private:
     bool smooth(Index t) {
         const Tet tet = mesh_.tet(t);
+        const auto effort = score(mesh_, t, goal_) < limit_ ? Effort::Full : Effort::Newton;
         bool has_moved = false;
         for (const Index v : tet) {
-            if (raise_worst(mesh_, shape_, v, kTriangleScale, star_)) {
+            if (raise_worst(mesh_, shape_, v, kTriangleScale, effort, star_)) {
                 has_moved = true;
                 ++result_.moves;
             }
@@ -113,63 +138,60 @@ private:
 
     bool collapse(Index t) {
         const Tet tet = mesh_.tet(t);
-        for (const auto& edge : kEdges) {
-            if (collapse_edge(mesh_, tet[edge[0]], tet[edge[1]], kTriangleScale) ||
-                collapse_edge(mesh_, tet[edge[1]], tet[edge[0]], kTriangleScale)) {
+        return std::any_of(kEdges.begin(), kEdges.end(), [&](const auto& edge) {
+            return collapse_edge(mesh_, tet[edge[0]], tet[edge[1]], kTriangleScale) ||
+                   collapse_edge(mesh_, tet[edge[1]], tet[edge[0]], kTriangleScale);
+        });
+    }
+
+    bool reshape_boundary(Index t, const Tet& tet) {
+        for (const Index v : tet) {
+            if (mesh_.kind(v) == ParticleKind::Surface &&
+                attempt(t, [&] { return level_vertex(mesh_, shape_, v); })) {
                 return true;
             }
         }
-        return false;
+        return std::any_of(kEdges.begin(), kEdges.end(), [&](const auto& edge) {
+            const Index a = tet[edge[0]];
+            const Index b = tet[edge[1]];
+            return mesh_.on_boundary(a) && mesh_.on_boundary(b) &&
+                   (attempt(t, [&] { return peel_edge(mesh_, shape_, a, b); }) ||
+                    attempt(t, [&] { return fill_valley(mesh_, shape_, a, b); }));
+        });
     }
 
-    // From the longest edge down.
-    bool split(Index t) {
-        const Tet tet = mesh_.tet(t);
+    // New vertices: on edges from the longest down, inside, on faces.
+    bool insert(Index t, const Tet& tet) {
         auto edges = kEdges;
         const auto length = [&](const std::array<std::size_t, 2>& e) {
             return (mesh_.point(tet[e[0]]) - mesh_.point(tet[e[1]])).squaredNorm();
         };
         std::stable_sort(edges.begin(), edges.end(),
                          [&](const auto& a, const auto& b) { return length(a) > length(b); });
-        return std::any_of(edges.begin(), edges.begin() + 3, [&](const auto& edge) {
-            return split_edge(tet[edge[0]], tet[edge[1]]);
-        });
+        for (const auto& [i, j] : edges) {
+            if (attempt(t, [&] { return split_edge(mesh_, shape_, tet[i], tet[j]); })) {
+                return true;
+            }
+        }
+        if (attempt(t, [&] { return split_tet(mesh_, t); })) {
+            return true;
+        }
+        for (std::size_t corner = 0; corner < 4; ++corner) {
+            if (attempt(t, [&] { return split_face(mesh_, t, corner); })) {
+                return true;
+            }
+        }
+        return false;
     }
 
-    bool split_edge(Index a, Index b) {
-        std::vector<Index> ring;
-        bool is_open = false;
-        for (const Index t : mesh_.around(a)) {
-            if (!has(mesh_.tet(t), b)) {
-                continue;
-            }
-            ring.push_back(t);
-            for (std::size_t corner = 0; corner < 4; ++corner) {
-                const Index opposite = mesh_.tet(t)[corner];
-                is_open = is_open ||
-                          (opposite != a && opposite != b && is_boundary_face(mesh_, t, corner));
-            }
-        }
-        if (mesh_.is_locked(a) || mesh_.is_locked(b) || is_open) {
-            return false;
-        }
-        double old = 1.0;
-        for (const Index t : ring) {
-            old = std::min(old, score(mesh_, t, goal_));
-        }
+    // Keeps what an operation and what follows from it do if the worst element gets better.
+    template <typename Operation>
+    bool attempt(Index t, Operation operation) {
+        constexpr double kGain = 1.02;
+        const double old = std::max(score(mesh_, t, goal_), 0.0);
         mesh_.begin();
-        const Index middle = mesh_.add_vertex(0.5 * (mesh_.point(a) + mesh_.point(b)),
-                                              ParticleKind::Volume, kNone, false);
-        for (const Index t : ring) {
-            Tet at_a = mesh_.tet(t);
-            Tet at_b = at_a;
-            std::replace(at_a.begin(), at_a.end(), b, middle);
-            std::replace(at_b.begin(), at_b.end(), a, middle);
-            mesh_.remove(t);
-            mesh_.add(at_a);
-            mesh_.add(at_b);
-        }
-        if (settle(middle) > old * 1.05) {
+        ++attempts_;
+        if (operation() && settle() > old * kGain + 1e-4 && is_boundary_sound()) {
             mesh_.commit();
             return true;
         }
@@ -177,50 +199,127 @@ private:
         return false;
     }
 
-    // Smooths and flips around a new vertex. Returns the worst of all new tets.
-    double settle(Index v) {
-        constexpr int kRounds = 2;
+    // Smooths and flips the worst of all that was touched. Returns the worst that is left.
+    double settle() {
+        constexpr int kRounds = 4;
+        constexpr std::size_t kWorst = 6;
         for (int round = 0; round < kRounds; ++round) {
-            raise_worst(mesh_, shape_, v, kTriangleScale, star_);
-            for (const Index t : mesh_.added()) {
-                if (mesh_.is_alive(t) && tet_sine(mesh_, mesh_.tet(t)) < goal_) {
-                    flip_tet(mesh_, t, Judge::DihedralSine);
+            find_bad();
+            bool has_changed = false;
+            for (std::size_t i = 0; i < std::min(kWorst, bad_.size()); ++i) {
+                const Index t = bad_[i].tet;
+                if (!mesh_.is_alive(t)) {
+                    continue;
+                }
+                if (flip_tet(mesh_, t, Judge::DihedralSine)) {
+                    has_changed = true;
+                    continue;
+                }
+                const Tet tet = mesh_.tet(t);
+                for (const Index v : tet) {
+                    has_changed =
+                        raise_worst(mesh_, shape_, v, kTriangleScale, Effort::Full, star_) ||
+                        has_changed;
+                }
+            }
+            if (!has_changed) {
+                break;
+            }
+        }
+        find_bad();
+        return bad_.empty() ? goal_ : bad_.front().score;
+    }
+
+    // Smoothing and flips judge angles only: they might fold the boundary over.
+    bool is_boundary_sound() {
+        for (const Index t : touched_) {
+            const auto& tet = mesh_.tet(t);
+            for (const auto& face : kFaces) {
+                const Index a = tet[face[0]];
+                const Index b = tet[face[1]];
+                const Index c = tet[face[2]];
+                if (mesh_.on_boundary(a) && mesh_.on_boundary(b) && mesh_.on_boundary(c) &&
+                    is_boundary_face(mesh_, t, static_cast<std::size_t>(&face - kFaces.data())) &&
+                    !follows_boundary(shape_, mesh_.point(a), mesh_.point(b), mesh_.point(c))) {
+                    return false;
                 }
             }
         }
-        raise_worst(mesh_, shape_, v, kTriangleScale, star_);
-        double worst = 1.0;
-        for (const Index t : mesh_.added()) {
-            worst = std::min(worst, score(mesh_, t, goal_));
+        return true;
+    }
+
+    void find_bad() {
+        mesh_.touched(touched_);
+        bad_.clear();
+        for (const Index t : touched_) {
+            const double worst = score(mesh_, t, goal_);
+            if (worst < goal_) {
+                bad_.push_back({worst, t});
+            }
         }
-        return worst;
+        sort_worst_first(bad_);
     }
 
     LiveMesh& mesh_;
     const Shape& shape_;
     double goal_;
+    double limit_;
     Star star_;
-    WorstFirstResult result_;
+    WorstFirstResult& result_;
+    std::vector<Index> touched_{};
+    std::vector<Bad> bad_{};
+    std::int64_t attempts_ = 0;
 };
 
 }  // namespace
 
-WorstFirstResult raise_worst_elements(LiveMesh& mesh, const Shape& shape, double goal,
-                                      const RunContext& run) {
-    constexpr std::size_t kBlock = 64;
-    WorstFirst pass(mesh, shape, goal);
-    const auto bad = bad_tets(mesh, goal);
-    pass.result().bad = static_cast<std::int64_t>(bad.size());
+WorstFirstResult WorstFirst::simple_pass(const RunContext& run) {
+    WorstFirstResult result;
+    Visit visit(mesh_, shape_, goal_, limit_, result);
+    const auto bad = bad_tets(mesh_, goal_);
     for (std::size_t i = 0; i < bad.size(); ++i) {
         if (i % kBlock == 0) {
             run.checkpoint();
         }
         const Index t = bad[i].tet;
-        if (mesh.is_alive(t) && score(mesh, t, goal) < goal) {
-            pass.visit(t);
+        if (mesh_.is_alive(t) && score(mesh_, t, goal_) < goal_) {
+            visit.simply(t);
         }
     }
-    return pass.result();
+    return result;
+}
+
+WorstFirstResult WorstFirst::thorough_pass(const RunContext& run) {
+    WorstFirstResult result;
+    Visit visit(mesh_, shape_, goal_, limit_, result);
+    ++pass_;
+    const auto is_due = [&](Index t) {
+        const auto& tet = mesh_.tet(t);
+        return std::any_of(tet.begin(), tet.end(), [&](Index v) {
+            return at(v) >= changed_in_.size() || changed_in_[at(v)] >= pass_ - 1;
+        });
+    };
+    // Where much is bad, what can be raised is found in time; the rest isn't worth hours.
+    const auto budget = static_cast<std::int64_t>(500 + mesh_.slot_count() / 100);
+    for (const auto& bad : bad_tets(mesh_, limit_)) {
+        run.checkpoint();
+        if (visit.attempts() > budget) {
+            break;
+        }
+        const Index t = bad.tet;
+        if (!mesh_.is_alive(t) || !is_due(t) || score(mesh_, t, limit_) >= limit_ ||
+            !visit.thoroughly(t)) {
+            continue;
+        }
+        changed_in_.resize(mesh_.vertex_count(), pass_);
+        for (const Index s : visit.touched()) {
+            for (const Index v : mesh_.tet(s)) {
+                changed_in_[at(v)] = pass_;
+            }
+        }
+    }
+    changed_in_.resize(mesh_.vertex_count(), 0);
+    return result;
 }
 
 }  // namespace remesh::improve

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "core/run_context.h"
 #include "core/stages/improve/live_mesh.h"
@@ -13,14 +14,36 @@ struct WorstFirstResult {
     std::int64_t collapses = 0;
     std::int64_t splits = 0;
     std::int64_t moves = 0;
-    std::int64_t bad = 0;  ///< Elements below the goal before the pass.
     [[nodiscard]] std::int64_t changes() const { return flips + collapses + splits + moves; }
 };
 
-/// Visits all tets with a dihedral sine below `goal`, or with such a boundary triangle, from the
-/// worst up, and tries on each flips, smoothing, collapses and splits until one helps. Whatever is
-/// done, the worst of all that it touches gets better. Serial.
-WorstFirstResult raise_worst_elements(LiveMesh& mesh, const Shape& shape, double goal,
-                                      const RunContext& run);
+/// Raises tets with a dihedral sine below a goal, or with such a boundary triangle (see
+/// Star::worst), from the worst up. Whatever is done, the worst of all that it touches gets better.
+/// Serial.
+///
+/// Source of the compound operations: Klingner, Shewchuk, Aggressive tetrahedral mesh improvement,
+/// 2007.
+class WorstFirst {
+public:
+    /// \param limit  tets worse than this are worth more effort, <= goal
+    WorstFirst(LiveMesh& mesh, const Shape& shape, double goal, double limit)
+        : mesh_(mesh), shape_(shape), goal_(goal), limit_(limit) {}
+
+    /// One visit to each bad tet: flips, smoothing, collapses, until one helps.
+    WorstFirstResult simple_pass(const RunContext& run);
+
+    /// One visit to each tet that is still worse than the limit and around which something changed
+    /// since it was visited: collapses, splits, insertions and changes of the boundary, each
+    /// followed by smoothing and flips of all that it touched and taken back unless that helped.
+    WorstFirstResult thorough_pass(const RunContext& run);
+
+private:
+    LiveMesh& mesh_;
+    const Shape& shape_;
+    double goal_;
+    double limit_;
+    std::vector<std::int32_t> changed_in_{};  // Per vertex: the last pass that changed its star.
+    std::int32_t pass_ = 0;
+};
 
 }  // namespace remesh::improve
