@@ -65,11 +65,13 @@ const plots: Plot[] = [
     },
 ];
 
-/** How the run converges, iteration by iteration. */
-export function Curves(props: { samples: Sample[]; skipped: number }) {
+const [residuals, energies, particles, quality] = plots as [Plot, Plot, Plot, Plot];
+
+/** How the run converges: what one watches, beside the view. */
+export function MainCurves(props: { samples: Sample[]; skipped: number }) {
     const { samples } = props;
     return (
-        <section aria-labelledby="curves-title">
+        <section class="main-curves" aria-labelledby="curves-title">
             <div class="section-title">
                 <h2 id="curves-title">Convergence</h2>
                 <span class="muted">
@@ -77,11 +79,18 @@ export function Curves(props: { samples: Sample[]; skipped: number }) {
                     {props.skipped > 0 && ` · ${count(props.skipped)} events left out on a slow connection`}
                 </span>
             </div>
-            <div class="curves">
-                {plots.map((plot) => (
-                    <Curve key={plot.title} plot={plot} samples={samples} />
-                ))}
-            </div>
+            <Curve plot={residuals} samples={samples} />
+            <Curve plot={quality} samples={samples} />
+        </section>
+    );
+}
+
+/** The rest of it. */
+export function MoreCurves(props: { samples: Sample[] }) {
+    return (
+        <section class="curves" aria-label="More of the convergence">
+            <Curve plot={energies} samples={props.samples} />
+            <Curve plot={particles} samples={props.samples} />
         </section>
     );
 }
@@ -117,7 +126,7 @@ function Curve(props: { plot: Plot; samples: Sample[] }) {
     );
 }
 
-const height = 190;
+const height = 180;
 
 function Canvas(props: { plot: Plot; x: number[]; lines: (number | null)[][] }) {
     const place = useRef<HTMLDivElement>(null);
@@ -146,6 +155,7 @@ function optionsOf(plot: Plot, width: number): uPlot.Options {
         grid: { stroke: colour('line'), width: 1 },
         ticks: { show: false },
     };
+    const powers = (_u: uPlot, ticks: number[]) => ticks.map((tick) => (exponent(tick) ? tick : null));
     return {
         width,
         height,
@@ -160,6 +170,7 @@ function optionsOf(plot: Plot, width: number): uPlot.Options {
             { ...axis, size: 26 },
             {
                 ...axis,
+                ...(plot.isLog ? { filter: powers, grid: { ...axis.grid, filter: powers } } : {}),
                 size: 52,
                 values: (_u, ticks) =>
                     ticks.map((tick) => (tick === null ? '' : plot.isLog ? exponent(tick) : compact(tick))),

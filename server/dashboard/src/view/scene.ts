@@ -60,21 +60,24 @@ export class Scene {
     /** What edge lengths are compared with, model units. */
     private reference: number | null = null;
     private isFitted = false;
+    /** Whether somebody chose a view: that one stays. */
+    private isTurned = false;
     private frame = 0;
 
-    constructor(private readonly canvas: HTMLCanvasElement) {
+    constructor(canvas: HTMLCanvasElement) {
         this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
         this.renderer.outputColorSpace = SRGBColorSpace;
         this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
         this.renderer.localClippingEnabled = true;
         this.camera.up.set(0, 0, 1);
-        const light = new DirectionalLight(0xffffff, 1.6);
+        const light = new DirectionalLight(0xffffff, 2.2);
         light.position.set(-0.5, -0.4, 0.9);
         this.camera.add(light);
-        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0x8a8f98, 1.9), this.contents);
+        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0xa9adb3, 2.5), this.contents);
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = false;
         this.controls.addEventListener('change', () => this.draw());
+        this.controls.addEventListener('start', () => (this.isTurned = true));
     }
 
     show(content: Content) {
@@ -113,11 +116,15 @@ export class Scene {
         this.renderer.setSize(width, height, false);
         this.camera.aspect = width / Math.max(1, height);
         this.camera.updateProjectionMatrix();
+        if (this.content && !this.isTurned) {
+            this.fit();
+        }
         this.draw();
     }
 
     /** Turns the body, for those without a mouse. */
     turn(right: number, up: number) {
+        this.isTurned = true;
         const offset = this.camera.position.clone().sub(this.controls.target);
         offset.applyAxisAngle(new Vector3(0, 0, 1), -right * turnStep);
         const side = new Vector3().crossVectors(this.camera.up, offset).normalize();
@@ -129,18 +136,33 @@ export class Scene {
     }
 
     zoom(factor: number) {
+        this.isTurned = true;
         this.camera.position.sub(this.controls.target).multiplyScalar(factor).add(this.controls.target);
         this.controls.update();
         this.draw();
     }
 
-    /** The whole body, from a little above its front. */
+    /** The whole body, from a little above its front, as large as it fits. */
     fit() {
         const { centre, radius } = this.bounds();
+        const toEye = new Vector3(0.45, -1, 0.25).normalize();
+        const right = new Vector3(0, 0, 1).cross(toEye).normalize();
+        const up = toEye.clone().cross(right);
+        const positions = this.content!.mesh.positions;
+        const tanHalf = Math.tan((this.camera.fov * Math.PI) / 360);
+        const margin = 1.08;
+        const point = new Vector3();
+        let away = 0;
+        const stride = 3 * Math.max(1, Math.floor(positions.length / 3 / 20_000));
+        for (let i = 0; i < positions.length; i += stride) {
+            point.set(positions[i]!, positions[i + 1]!, positions[i + 2]!).sub(centre);
+            const wanted = Math.max(Math.abs(point.dot(up)), Math.abs(point.dot(right)) / this.camera.aspect);
+            if (Number.isFinite(wanted)) {
+                away = Math.max(away, (margin * wanted) / tanHalf + point.dot(toEye));
+            }
+        }
         this.controls.target.copy(centre);
-        const direction = new Vector3(0.55, -1, 0.3).normalize();
-        const away = (1.05 * radius) / Math.sin((this.camera.fov * Math.PI) / 360) / Math.min(1, this.camera.aspect || 1);
-        this.camera.position.copy(centre).addScaledVector(direction, away);
+        this.camera.position.copy(centre).addScaledVector(toEye, Math.max(away, 1e-9));
         this.camera.near = radius / 100;
         this.camera.far = radius * 100;
         this.camera.updateProjectionMatrix();
@@ -274,7 +296,7 @@ export class Scene {
                 color: 0x101418,
                 wireframe: true,
                 transparent: true,
-                opacity: 0.22,
+                opacity: 0.16,
                 clippingPlanes,
             });
             this.contents.add(new Drawn(geometry, lines));
@@ -308,9 +330,5 @@ export class Scene {
     /** Colours of the style sheet changed. */
     restyle() {
         this.rebuild();
-    }
-
-    get element(): HTMLCanvasElement {
-        return this.canvas;
     }
 }
