@@ -88,28 +88,30 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                     </select>
                 </label>
                 <Scale measure={content?.kind === 'particles' ? 'plain' : measure} />
-                <label>
-                    Cut along
-                    <select
-                        value={clip.axis}
-                        onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
-                    >
-                        <option value={0}>x</option>
-                        <option value={1}>y</option>
-                        <option value={2}>z</option>
-                    </select>
-                </label>
-                <label class="slider">
-                    <span class="sr">Share that is cut away</span>
-                    <input
-                        type="range"
-                        min="0"
-                        max="1"
-                        step="0.01"
-                        value={clip.share}
-                        onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
-                    />
-                </label>
+                <span class="cut">
+                    <label>
+                        Cut along
+                        <select
+                            value={clip.axis}
+                            onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
+                        >
+                            <option value={0}>x</option>
+                            <option value={1}>y</option>
+                            <option value={2}>z</option>
+                        </select>
+                    </label>
+                    <label class="slider">
+                        <span class="sr">Share that is cut away</span>
+                        <input
+                            type="range"
+                            min="0"
+                            max="1"
+                            step="0.01"
+                            value={clip.share}
+                            onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
+                        />
+                    </label>
+                </span>
                 <label class="check">
                     <input type="checkbox" checked={hasEdges} onChange={(event) => setEdges(event.currentTarget.checked)} />
                     <span>Edges</span>
