@@ -158,7 +158,7 @@ void finish(Task& task, const RunArguments& arguments, Session& session) {
         task.deliveries.push_back({output_in(task.job, file.format), file.target});
     }
     if (!arguments.report.empty()) {
-        task.deliveries.push_back({output_of(task.job, v1::Output::KIND_REPORT), arguments.report});
+        task.deliveries.push_back({report_for(task.job, arguments.report), arguments.report});
     }
     deliver(server, task.deliveries);
 }
@@ -297,7 +297,9 @@ void add_run(CLI::App& app, Action& chosen) {
         ->add_option("--input-format", arguments->input_format,
                      "Format of the input; found from its content if absent")
         ->type_name("FORMAT");
-    command->add_option("--report", arguments->report, "Also write the full report, JSON")
+    command
+        ->add_option("--report", arguments->report,
+                     "Also write the full report: a page if FILE ends in .html, else JSON")
         ->type_name("FILE");
     add_job_options(*command, arguments->spec);
     command->callback([arguments, &chosen] {
