@@ -8,25 +8,21 @@
 #include "client/stubs.h"
 
 namespace remesh::client {
-namespace {
-
-/// A stream is opened anew after this long, so that a server that vanished without a word is
-/// noticed; reconnecting loses nothing.
-constexpr Connection::Milliseconds kLongestStream = std::chrono::minutes(2);
-
-}  // namespace
-
 v1::Job follow(Connection& connection, const std::string& name, std::int64_t after,
-               const std::function<void(const v1::JobEvent&)>& on_event) {
+               const std::function<void(const v1::JobEvent&)>& on_event,
+               Connection::Milliseconds longest) {
     v1::WatchJobRequest request;
     request.set_name(name);
     request.set_after_sequence(after);
     std::optional<v1::Job> last;
 
-    connection.retry(kLongestStream, [&](grpc::ClientContext& context) {
+    bool is_over = false;
+    const auto watch_once = [&](grpc::ClientContext& context) {
         const auto stream = connection.stubs().jobs.WatchJob(&context, request);
+        bool was_heard = false;
         v1::JobEvent event;
         while (stream->Read(&event)) {
+            was_heard = true;
             connection.note_contact();
             request.set_after_sequence(std::max(request.after_sequence(), event.sequence()));
             on_event(event);
@@ -37,13 +33,20 @@ v1::Job follow(Connection& connection, const std::string& name, std::int64_t aft
             }
         }
         const grpc::Status status = stream->Finish();
-        const bool is_over = status.ok() && last && is_terminal(last->state());
+        is_over = status.ok() && last && is_terminal(last->state());
+        const bool is_renewal =
+            was_heard && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+        if (is_over || is_renewal) {
+            return grpc::Status::OK;
+        }
         const bool can_go_on =
             status.ok() || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
-        return is_over || !can_go_on
-                   ? status
-                   : grpc::Status(grpc::StatusCode::UNAVAILABLE, "the watch ended too early");
-    });
+        return can_go_on ? grpc::Status(grpc::StatusCode::UNAVAILABLE, "the watch ended too early")
+                         : status;
+    };
+    while (!is_over) {
+        connection.retry(longest, watch_once);
+    }
     return *last;
 }
 

@@ -105,6 +105,8 @@ int main(int argc, char** argv) {
         return app.exit(success);
     } catch (const CLI::ParseError& error) {
         return fail({ExitCode::Usage, error.what()});
+    } catch (const Failure& failure) {
+        return fail(failure);
     }
     try {
         return run_action(action, settings);

@@ -4,6 +4,9 @@
 #include <map>
 #include <string>
 
+#include "client/formats.h"
+#include "client/sizing_options.h"
+
 namespace remesh::client {
 namespace {
 
@@ -37,6 +40,22 @@ void add_switch(CLI::App& command, const std::string& name, const std::string& h
         name, [set](std::int64_t) { set(); }, help);
 }
 
+void add_file_options(CLI::App& command, JobArguments& arguments) {
+    command.add_option("IN", arguments.inputs, "Surfaces to remesh; - is stdin")
+        ->type_name("FILE")
+        ->required();
+    command
+        .add_option("--format", arguments.formats,
+                    "Format wanted back where no name says it, e.g. vtu, msh22 (repeatable)")
+        ->type_name("FORMAT")
+        ->allow_extra_args(false);
+    add_value<std::string>(command, "--input-format", "FORMAT",
+                           "Format of the input; found from its content if absent",
+                           [&](const std::string& word) {
+                               arguments.spec.mutable_input()->set_format(format_named(word));
+                           });
+}
+
 void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
     v1::Options& options = *spec.mutable_options();
     command.option_defaults()->group("Mesh");
@@ -45,8 +64,6 @@ void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
     add_switch(command, "--surface-only", "No tetrahedra", [&] { options.set_tetrahedra(false); });
     add_value<std::uint64_t>(command, "--seed", "N", "Changes where particles start",
                              [&](std::uint64_t x) { options.set_seed(x); });
-    add_switch(command, "--no-thickness-guard", "Don't refine where the body is thin",
-               [&] { options.mutable_sizing()->set_guard_thickness(false); });
     v1::Frame& frame = *spec.mutable_input()->mutable_frame();
     add_choice<v1::Unit>(
         command, "--unit",
@@ -155,8 +172,11 @@ void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
 
 }  // namespace
 
-void add_job_options(CLI::App& command, v1::JobSpec& spec) {
+void add_job_arguments(CLI::App& command, JobArguments& arguments) {
+    v1::JobSpec& spec = arguments.spec;
+    add_file_options(command, arguments);
     add_mesh_options(command, spec);
+    add_sizing_options(command, *spec.mutable_options()->mutable_sizing());
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
     add_improvement_options(command, *spec.mutable_options());

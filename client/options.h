@@ -2,14 +2,24 @@
 
 #include <CLI/CLI.hpp>
 
+#include <string>
+#include <vector>
+
 #include "remesh/v1/job.pb.h"
 
 namespace remesh::client {
 
-/// Adds every flag that says how to remesh; each writes its field of `spec` when it is given.
+/// What every command that makes jobs is told.
+struct JobArguments {
+    std::vector<std::string> inputs{};   ///< Paths; "-" is stdin.
+    std::vector<std::string> formats{};  ///< Words for formats wanted back.
+    v1::JobSpec spec{};                  ///< All but inputs and outputs.
+};
+
+/// Adds the inputs, --format, --input-format and every flag that says how to remesh.
 ///
-/// A flag that isn't given leaves its field absent, so that the defaults stay the server's.
-/// `spec` must outlive the parsing.
-void add_job_options(CLI::App& command, v1::JobSpec& spec);
+/// A flag that isn't given leaves its field of the spec absent, so that the defaults stay the
+/// server's. `arguments` must outlive the parsing.
+void add_job_arguments(CLI::App& command, JobArguments& arguments);
 
 }  // namespace remesh::client

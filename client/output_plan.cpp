@@ -19,7 +19,7 @@ Failure cannot_write(const fs::path& target, const std::string& why) {
 }
 
 /// --format decides where it fits the name or the name says nothing; else the name does.
-v1::Format format_of_output(const OutputWishes& wishes, const fs::path& target,
+v1::Format format_of_output(const JobArguments& job, const fs::path& target,
                             const v1::GetCapabilitiesResponse& server) {
     const std::string extension = lower_case(target.extension().string());
     const auto& formats = server.formats();
@@ -27,7 +27,7 @@ v1::Format format_of_output(const OutputWishes& wishes, const fs::path& target,
         std::any_of(formats.begin(), formats.end(), [&](const v1::FormatCapability& format) {
             return lower_case(format.extension()) == extension;
         });
-    for (const std::string& word : wishes.formats) {
+    for (const std::string& word : job.formats) {
         const v1::Format format = format_named(word);
         if (!is_known || lower_case(extension_of(format, server)) == extension) {
             return format;
@@ -49,17 +49,17 @@ void require_file_or_nothing(const fs::path& target) {
 
 }  // namespace
 
-std::vector<PlannedFile> plan_outputs(const OutputWishes& wishes, const v1::Options& options,
+std::vector<PlannedFile> plan_outputs(const OutputWishes& wishes, const JobArguments& job,
                                       const fs::path& input,
                                       const v1::GetCapabilitiesResponse& server) {
     std::vector<PlannedFile> files;
     for (const std::string& output : wishes.outputs) {
-        files.push_back({format_of_output(wishes, output, server), output});
+        files.push_back({format_of_output(job, output, server), output});
     }
     if (!files.empty()) {
         return files;
     }
-    for (const v1::Format format : wanted_formats(wishes.formats, options)) {
+    for (const v1::Format format : wanted_formats(job.formats, job.spec.options())) {
         const std::string name = stem_of(input) + "_remeshed" + extension_of(format, server);
         files.push_back({format, fs::path(wishes.output_dir) / name});
     }

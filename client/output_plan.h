@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "client/options.h"
 #include "remesh/v1/capability.pb.h"
 
 namespace remesh::client {
@@ -11,7 +12,6 @@ namespace remesh::client {
 /// What the command line says about outputs.
 struct OutputWishes {
     std::vector<std::string> outputs{};  ///< Paths; the extension says the format. "-" is stdout.
-    std::vector<std::string> formats{};  ///< Words for formats, where names don't say enough.
     std::string output_dir{};            ///< For names made from the input's; empty: here.
 };
 
@@ -24,7 +24,7 @@ struct PlannedFile {
 ///
 /// \throws Failure{Usage} if a format can't be told
 [[nodiscard]] std::vector<PlannedFile> plan_outputs(const OutputWishes& wishes,
-                                                    const v1::Options& options,
+                                                    const JobArguments& job,
                                                     const std::filesystem::path& input,
                                                     const v1::GetCapabilitiesResponse& server);
 

@@ -128,15 +128,14 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto prepared = prepare_surface(input, h, options.prepare, run);
     const Domain& domain = *prepared.domain;
     if (run.wants_preview()) {
-        run.preview(decimate(domain.boundary()));
+        run.preview(cluster(domain.boundary()));
     }
 
     clock.enter(Stage::Features);
     const FeatureSet features = find_features(prepared, h, options.features, run);
 
     clock.enter(Stage::Sizing);
-    const auto sizing = build_sizing_field(
-        domain, {.edge_length = h, .guard_thickness = options.guard_thickness}, run);
+    const auto sizing = build_sizing_field(domain, features, h, options.sizing, run);
 
     clock.enter(Stage::Seed);
     Particles particles = seed_surface(domain, features, *sizing, options.seed, run);
@@ -159,7 +158,7 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
     delaunay = {};
     if (run.wants_preview()) {
-        run.preview(decimate(boundary_surface(carved.mesh)));
+        run.preview(cluster(boundary_surface(carved.mesh)));
     }
 
     clock.enter(Stage::Improve);
@@ -194,6 +193,7 @@ void validate(const RemeshOptions& options) {
     }
     validate(options.prepare);
     validate(options.features);
+    validate(options.sizing, options.edge_length);
     validate(options.seed);
     validate(options.relax);
     validate(options.carve);

@@ -23,7 +23,7 @@ struct RemeshOptions {
     bool tetrahedra = true;  ///< False: relax and mesh only a shell, return its outer surface.
     PrepareOptions prepare{};
     FeatureOptions features{};
-    bool guard_thickness = true;  ///< Refine where the body is thin.
+    SizingOptions sizing{};
     SeedOptions seed{};
     RelaxOptions relax{};
     CarveOptions carve{};

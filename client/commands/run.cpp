@@ -32,11 +32,9 @@ namespace fs = std::filesystem;
 constexpr auto kSecondThoughts = std::chrono::seconds(3);
 
 struct RunArguments {
-    std::vector<std::string> inputs;
+    JobArguments job;
     OutputWishes wishes;
     std::string report;
-    std::string input_format;
-    v1::JobSpec spec;
 };
 
 /// One input on its way through the server.
@@ -49,7 +47,7 @@ struct Task {
 };
 
 bool is_batch(const RunArguments& arguments) {
-    return arguments.inputs.size() > 1;
+    return arguments.job.inputs.size() > 1;
 }
 
 void require_consistent(const RunArguments& arguments) {
@@ -65,7 +63,7 @@ void require_consistent(const RunArguments& arguments) {
 
 std::vector<Task> open_inputs(const RunArguments& arguments) {
     std::vector<Task> tasks;
-    for (const std::string& input : arguments.inputs) {
+    for (const std::string& input : arguments.job.inputs) {
         tasks.push_back({InputFile(input), {}, {}, {}, {}});
     }
     return tasks;
@@ -85,8 +83,7 @@ void plan(std::vector<Task>& tasks, const RunArguments& arguments,
     std::vector<PlannedFile> all;
     std::vector<fs::path> inputs;
     for (Task& task : tasks) {
-        task.planned =
-            plan_outputs(arguments.wishes, arguments.spec.options(), task.file.path(), server);
+        task.planned = plan_outputs(arguments.wishes, arguments.job, task.file.path(), server);
         all.insert(all.end(), task.planned.begin(), task.planned.end());
         inputs.push_back(task.file.path());
     }
@@ -97,10 +94,7 @@ void plan(std::vector<Task>& tasks, const RunArguments& arguments,
 }
 
 v1::JobSpec spec_for(const RunArguments& arguments, const Task& task) {
-    v1::JobSpec spec = arguments.spec;
-    if (!arguments.input_format.empty()) {
-        spec.mutable_input()->set_format(format_named(arguments.input_format));
-    }
+    v1::JobSpec spec = arguments.job.spec;
     std::set<v1::Format> formats;
     for (const PlannedFile& file : task.planned) {
         if (formats.insert(file.format).second) {
@@ -179,7 +173,7 @@ void tell(const Task& task, const RunArguments& arguments, const Session& sessio
     const v1::Quality& quality = task.job.result().quality();
     fmt::print(stream, "{}: edge length h = {}{}, {}\n", sanitised(task.file.path().string()),
                number_word(quality.edge_length()),
-               arguments.spec.options().has_edge_length() ? "" : " (chosen by the server)",
+               arguments.job.spec.options().has_edge_length() ? "" : " (chosen by the server)",
                duration_word(run_seconds(task.job)));
     if (!is_batch(arguments)) {
         fmt::print(stream, "\n{}\n", quality_table(quality));
@@ -276,9 +270,6 @@ void add_run(CLI::App& app, Action& chosen) {
     CLI::App* command =
         app.add_subcommand("run", "Remesh surfaces: upload, follow, download, and compare");
     const auto arguments = std::make_shared<RunArguments>();
-    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")
-        ->type_name("FILE")
-        ->required();
     command
         ->add_option("-o,--output", arguments->wishes.outputs,
                      "File to write, its format by extension; - is stdout (repeatable)")
@@ -289,19 +280,10 @@ void add_run(CLI::App& app, Action& chosen) {
                      "Folder for IN_remeshed.EXT, made if need be")
         ->type_name("FOLDER");
     command
-        ->add_option("--format", arguments->wishes.formats,
-                     "Format of outputs whose name doesn't say it, e.g. vtu, msh22 (repeatable)")
-        ->type_name("FORMAT")
-        ->allow_extra_args(false);
-    command
-        ->add_option("--input-format", arguments->input_format,
-                     "Format of the input; found from its content if absent")
-        ->type_name("FORMAT");
-    command
         ->add_option("--report", arguments->report,
                      "Also write the full report: a page if FILE ends in .html, else JSON")
         ->type_name("FILE");
-    add_job_options(*command, arguments->spec);
+    add_job_arguments(*command, arguments->job);
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return run(*arguments, session); };
     });

@@ -15,18 +15,8 @@
 namespace remesh::client {
 namespace {
 
-struct SubmitArguments {
-    std::vector<std::string> inputs;
-    std::vector<std::string> formats;
-    std::string input_format;
-    v1::JobSpec spec;
-};
-
-ExitCode submit(const SubmitArguments& arguments, Session& session) {
+ExitCode submit(const JobArguments& arguments, Session& session) {
     v1::JobSpec spec = arguments.spec;
-    if (!arguments.input_format.empty()) {
-        spec.mutable_input()->set_format(format_named(arguments.input_format));
-    }
     for (const v1::Format format : wanted_formats(arguments.formats, spec.options())) {
         spec.add_outputs()->set_format(format);
     }
@@ -47,24 +37,14 @@ ExitCode submit(const SubmitArguments& arguments, Session& session) {
 void add_submit(CLI::App& app, Action& chosen) {
     CLI::App* command =
         app.add_subcommand("submit", "Send surfaces to a server and print one job name a line");
-    const auto arguments = std::make_shared<SubmitArguments>();
-    command->add_option("IN", arguments->inputs, "Surfaces to remesh; - is stdin")
-        ->type_name("FILE")
-        ->required();
-    command
-        ->add_option("--format", arguments->formats,
-                     "Format wanted back, e.g. vtu, ply, msh22 (repeatable; vtu and ply if absent)")
-        ->type_name("FORMAT")
-        ->allow_extra_args(false);
-    command
-        ->add_option("--input-format", arguments->input_format,
-                     "Format of the input; found from its content if absent")
-        ->type_name("FORMAT");
-    add_job_options(*command, arguments->spec);
+    const auto arguments = std::make_shared<JobArguments>();
+    add_job_arguments(*command, *arguments);
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return submit(*arguments, session); };
     });
     command->footer(
+        "Without --format it asks for vtu (tets) and ply (surface).\n"
+        "\n"
         "Example:\n"
         "  job=$(remesh --server meshes:50051 submit aorta.stl --edge-length 1.2)\n"
         "  remesh --server meshes:50051 watch $job\n"

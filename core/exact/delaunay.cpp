@@ -31,7 +31,7 @@ using Delaunay = CGAL::Delaunay_triangulation_3<Kernel, Structure>;
 std::vector<std::size_t> insertion_order(const std::vector<Point>& points) {
     std::vector<std::size_t> order(points.size());
     std::iota(order.begin(), order.end(), std::size_t{0});
-    const auto position = CGAL::make_property_map(points);
+    const auto position = CGAL::make_property_map(points.data());
     CGAL::spatial_sort(order.begin(), order.end(),
                        CGAL::Spatial_sort_traits_adapter_3<Kernel, decltype(position)>(position));
     return order;

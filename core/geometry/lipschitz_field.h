@@ -1,56 +1,34 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "core/geometry/sizing_field.h"
-#include "core/mesh/mesh.h"
+#include "core/geometry/sizing_source.h"
 
 namespace remesh {
 
-/// Where a spacing is asked for.
-struct SizingSample {
-    Vec3 x = Vec3::Zero();
-    double h = 0.0;  ///< > 0.
-};
-
-/// The largest field that honours every sample and grows no faster than its gradation:
-/// h(x) = min(h_max, min_i (h_i + gradation max(0, |x - x_i| - plateau))).
+/// The largest field that honours every source: h(x) = max(h_min, min(h_max, min_i source_i(x))).
 ///
-/// Found by branch and bound on a k-d tree whose nodes know their least h_i, so it is exactly
-/// Lipschitz: nothing is interpolated.
+/// Nothing is interpolated, so it is exactly as Lipschitz as its steepest source.
 class LipschitzField final : public SizingField {
 public:
-    /// \param h_max      away from all samples, > 0
-    /// \param gradation  > 0
-    /// \param plateau    radius around each sample where it holds unchanged, >= 0: about the
-    /// samples'
-    ///                   spacing, or h would rise between them
-    LipschitzField(std::vector<SizingSample> samples, double h_max, double gradation,
-                   double plateau = 0.0);
+    /// \param h_min  lower clamp, > 0: sources that ask for less get this
+    /// \param h_max  away from all sources, >= h_min
+    LipschitzField(std::vector<std::shared_ptr<const SizingSource>> sources, double h_min,
+                   double h_max);
 
-    [[nodiscard]] double h(const Vec3& point) const override;
+    [[nodiscard]] double h(const Vec3& point) const override { return least_within(point, 0.0); }
+    [[nodiscard]] double least_within(const Vec3& center, double radius) const override;
     [[nodiscard]] double h_min() const override { return h_min_; }
     [[nodiscard]] double h_max() const override { return h_max_; }
     [[nodiscard]] double gradation() const override { return gradation_; }
 
 private:
-    struct Node {
-        Box box{};
-        double least = 0.0;  // h_i of the samples below.
-        Index first = 0;     // Samples of a leaf.
-        Index count = 0;
-        Index right = kNone;  // The left child follows its parent; kNone for a leaf.
-    };
-
-    Index build(Index first, Index count);
-    [[nodiscard]] double bound(const Node& node, const Vec3& point) const;
-
-    std::vector<SizingSample> samples_;
-    std::vector<Node> nodes_{};
+    std::vector<std::shared_ptr<const SizingSource>> sources_;
     double h_min_;
     double h_max_;
-    double gradation_;
-    double plateau_;
+    double gradation_ = 0.0;
 };
 
 }  // namespace remesh

@@ -5,7 +5,13 @@
 #include <OpenMesh/Tools/Decimater/DecimaterT.hh>
 #include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <utility>
+#include <vector>
+
+#include "core/mesh/quality.h"
 
 namespace remesh {
 namespace {
@@ -49,6 +55,38 @@ SurfaceMesh from_half_edges(HalfEdgeMesh mesh) {
     return surface;
 }
 
+// Vertices in one cell of the grid become their mean; triangles that lose a corner go.
+SurfaceMesh clustered(const SurfaceMesh& surface, double cell) {
+    using Keyed = std::pair<std::array<std::int64_t, 3>, Index>;
+    std::vector<Keyed> keyed;
+    keyed.reserve(surface.vertices.size());
+    for (std::size_t v = 0; v < surface.vertices.size(); ++v) {
+        const Vec3 at = (surface.vertices[v] / cell).array().floor();
+        keyed.push_back({{static_cast<std::int64_t>(at.x()), static_cast<std::int64_t>(at.y()),
+                          static_cast<std::int64_t>(at.z())},
+                         static_cast<Index>(v)});
+    }
+    std::sort(keyed.begin(), keyed.end());
+
+    SurfaceMesh coarse;
+    std::vector<Index> cluster_of(surface.vertices.size());
+    for (std::size_t begin = 0, end = 0; begin < keyed.size(); begin = end) {
+        Vec3 sum = Vec3::Zero();
+        for (; end < keyed.size() && keyed[end].first == keyed[begin].first; ++end) {
+            sum += surface.vertices[keyed[end].second];
+            cluster_of[keyed[end].second] = static_cast<Index>(coarse.vertices.size());
+        }
+        coarse.vertices.push_back(sum / static_cast<double>(end - begin));
+    }
+    for (const auto& [a, b, c] : surface.triangles) {
+        const Triangle t{cluster_of[a], cluster_of[b], cluster_of[c]};
+        if (t[0] != t[1] && t[1] != t[2] && t[2] != t[0]) {
+            coarse.triangles.push_back(t);
+        }
+    }
+    return coarse;
+}
+
 }  // namespace
 
 SurfaceMesh decimate(const SurfaceMesh& surface, std::size_t max_triangles) {
@@ -72,6 +110,20 @@ SurfaceMesh decimate(const SurfaceMesh& surface, std::size_t max_triangles) {
         decimater.decimate_to_faces(0, max_triangles);
     }
     return from_half_edges(std::move(mesh));
+}
+
+SurfaceMesh cluster(const SurfaceMesh& surface, std::size_t max_triangles) {
+    if (surface.triangles.size() <= max_triangles) {
+        return surface;
+    }
+    // A surface crosses about 1.5 cells per cell's area, and has two triangles a vertex.
+    double cell = std::sqrt(3.0 * surface_area(surface) / static_cast<double>(max_triangles));
+    SurfaceMesh coarse = clustered(surface, cell);
+    while (coarse.triangles.size() > max_triangles) {
+        cell *= 1.15;
+        coarse = clustered(surface, cell);
+    }
+    return coarse;
 }
 
 }  // namespace remesh

@@ -105,44 +105,90 @@ void seed_curves(const Domain& domain, const FeatureSet& features, const SizingF
     }
 }
 
-// Triangles as a dart thrower sees them: the share of the darts that each one gets.
-struct DartBoard {
-    std::vector<double> until;  // Running sum of the particles wanted, over the triangles.
-    std::vector<double> h;      // Lower bound of h on each; empty if h is the same everywhere.
+// A triangle a, a + u, a + v of the boundary, or a part of one.
+struct Piece {
+    Vec3 a;
+    Vec3 u;
+    Vec3 v;
+    Index facet;
+    double h;  // Lower bound of h on it.
 };
 
-DartBoard make_board(const SurfaceMesh& surface, const SizingField& sizing, const RunContext& run) {
-    const std::size_t n = surface.triangles.size();
-    DartBoard board;
-    board.until.resize(n);
-    if (!sizing.is_uniform()) {
-        board.h.resize(n);
-    }
-    for_each_index(n, run, [&](std::size_t t) {
-        const Vec3& a = surface.vertices[at(surface.triangles[t][0])];
-        const Vec3& b = surface.vertices[at(surface.triangles[t][1])];
-        const Vec3& c = surface.vertices[at(surface.triangles[t][2])];
-        double h = sizing.h_max();
-        if (!sizing.is_uniform()) {
-            const Vec3 middle = (a + b + c) / 3.0;
-            const double radius =
-                std::sqrt(std::max({(a - middle).squaredNorm(), (b - middle).squaredNorm(),
-                                    (c - middle).squaredNorm()}));
-            h = std::max(sizing.h_min(), sizing.h(middle) - sizing.gradation() * radius);
-            board.h[t] = h;
-        }
-        board.until[t] = 0.5 * (b - a).cross(c - a).norm() * kTrianglesPerArea / (h * h);
-    });
-    std::partial_sum(board.until.begin(), board.until.end(), board.until.begin());
-    return board;
+Piece whole_facet(const SurfaceMesh& surface, std::size_t t, double h) {
+    const Vec3& a = surface.vertices[at(surface.triangles[t][0])];
+    const Vec3& b = surface.vertices[at(surface.triangles[t][1])];
+    const Vec3& c = surface.vertices[at(surface.triangles[t][2])];
+    return {a, b - a, c - a, static_cast<Index>(t), h};
 }
+
+// The boundary as a dart thrower sees it: pieces, and the share of the darts that each one gets.
+class DartBoard {
+public:
+    DartBoard(const SurfaceMesh& surface, const SizingField& sizing, const RunContext& run)
+        : surface_(surface), sizing_(sizing) {
+        if (!sizing.is_uniform()) {
+            cut(run);
+        }
+        until_.resize(sizing.is_uniform() ? surface.triangles.size() : pieces_.size());
+        for_each_index(until_.size(), run, [&](std::size_t k) {
+            const Piece p = piece(k);
+            until_[k] = 0.5 * p.u.cross(p.v).norm() * kTrianglesPerArea / (p.h * p.h);
+        });
+        std::partial_sum(until_.begin(), until_.end(), until_.begin());
+    }
+
+    [[nodiscard]] std::size_t size() const { return until_.size(); }
+    /// Particles wanted on pieces 0 to k.
+    [[nodiscard]] double until(std::size_t k) const { return until_[k]; }
+    [[nodiscard]] double wanted() const { return until_.empty() ? 0.0 : until_.back(); }
+    [[nodiscard]] Piece piece(std::size_t k) const {
+        return pieces_.empty() ? whole_facet(surface_, k, sizing_.h_max()) : pieces_[k];
+    }
+
+private:
+    static constexpr double kVaries = 0.8;  // Least over middle h above which a piece isn't cut.
+
+    void cut(const RunContext& run) {
+        const std::size_t n = surface_.triangles.size();
+        std::vector<std::vector<Piece>> blocks((n + kGrain - 1) / kGrain);
+        for_each_block(n, kGrain, run, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t t = begin; t < end; ++t) {
+                cut(whole_facet(surface_, t, 0.0), blocks[begin / kGrain]);
+            }
+        });
+        for (const auto& block : blocks) {
+            pieces_.insert(pieces_.end(), block.begin(), block.end());
+        }
+    }
+
+    void cut(Piece piece, std::vector<Piece>& pieces) const {
+        const Vec3 step = (piece.u + piece.v) / 3.0;
+        const double radius = std::sqrt(std::max(
+            {step.squaredNorm(), (piece.u - step).squaredNorm(), (piece.v - step).squaredNorm()}));
+        piece.h = sizing_.least_within(piece.a + step, radius);
+        if (piece.h >= kVaries * sizing_.h(piece.a + step)) {
+            pieces.push_back(piece);
+            return;
+        }
+        const Vec3 u = 0.5 * piece.u;
+        const Vec3 v = 0.5 * piece.v;
+        cut({piece.a, u, v, piece.facet, 0.0}, pieces);
+        cut({piece.a + u, u, v, piece.facet, 0.0}, pieces);
+        cut({piece.a + v, u, v, piece.facet, 0.0}, pieces);
+        cut({piece.a + u + v, -u, -v, piece.facet, 0.0}, pieces);
+    }
+
+    const SurfaceMesh& surface_;
+    const SizingField& sizing_;
+    std::vector<Piece> pieces_{};  // Empty where h is uniform: the facets themselves.
+    std::vector<double> until_{};
+};
 
 class DartThrower {
 public:
-    DartThrower(const Domain& domain, const SizingField& sizing, const SeedOptions& options,
-                Particles& particles, DartGrid& grid)
-        : surface_(domain.boundary()),
-          sizing_(sizing),
+    DartThrower(const SizingField& sizing, const SeedOptions& options, Particles& particles,
+                DartGrid& grid)
+        : sizing_(sizing),
           options_(options),
           particles_(particles),
           grid_(grid),
@@ -150,40 +196,36 @@ public:
 
     // One dart for every particle wanted, each somewhere in its own equal share of the area.
     void throw_round(const DartBoard& board, int round) {
-        const double wanted = board.until.empty() ? 0.0 : board.until.back();
-        const auto darts = static_cast<std::uint64_t>(std::ceil(wanted));
+        const auto darts = static_cast<std::uint64_t>(std::ceil(board.wanted()));
         const std::uint64_t seed =
             hash_bits(options_.seed * 64 + static_cast<std::uint64_t>(round));
-        std::size_t t = 0;
+        std::size_t k = 0;
         for (std::uint64_t dart = 0; dart < darts; ++dart) {
             const double at_sum = (static_cast<double>(dart) + hash_random(seed, dart, 0)) *
-                                  wanted / static_cast<double>(darts);
-            while (t + 1 < board.until.size() && board.until[t] < at_sum) {
-                ++t;
+                                  board.wanted() / static_cast<double>(darts);
+            while (k + 1 < board.size() && board.until(k) < at_sum) {
+                ++k;
             }
-            throw_dart(board, t, seed, dart);
+            throw_dart(board.piece(k), seed, dart);
         }
     }
 
 private:
-    void throw_dart(const DartBoard& board, std::size_t t, std::uint64_t seed, std::uint64_t dart) {
+    void throw_dart(const Piece& piece, std::uint64_t seed, std::uint64_t dart) {
         const double root = std::sqrt(hash_random(seed, dart, 1));
         const double share = hash_random(seed, dart, 2);
-        const Vec3& a = surface_.vertices[at(surface_.triangles[t][0])];
-        const Vec3& b = surface_.vertices[at(surface_.triangles[t][1])];
-        const Vec3& c = surface_.vertices[at(surface_.triangles[t][2])];
-        const Vec3 x = (1.0 - root) * a + root * (1.0 - share) * b + root * share * c;
+        const Vec3 x = piece.a + root * (1.0 - share) * piece.u + root * share * piece.v;
         double h = sizing_.h_max();
-        if (!board.h.empty()) {
+        if (!sizing_.is_uniform()) {
             h = sizing_.h(x);
-            // The board counts with the least h of the triangle: thin out where h is larger.
-            if (hash_random(seed, dart, 3) * h * h > board.h[t] * board.h[t]) {
+            // The board counts with the least h of the piece: thin out where h is larger.
+            if (hash_random(seed, dart, 3) * h * h > piece.h * piece.h) {
                 return;
             }
         }
-        const Vec3 normal = (b - a).cross(c - a).normalized();
+        const Vec3 normal = piece.u.cross(piece.v).normalized();
         if (!is_taken(x, h, normal)) {
-            particles_.add(x, ParticleKind::Surface, static_cast<Index>(t), h, normal);
+            particles_.add(x, ParticleKind::Surface, piece.facet, h, normal);
             grid_.add(x, h);
         }
     }
@@ -198,7 +240,6 @@ private:
         });
     }
 
-    const SurfaceMesh& surface_;
     const SizingField& sizing_;
     const SeedOptions& options_;
     Particles& particles_;
@@ -244,8 +285,8 @@ void validate(const SeedOptions& options) {
 Particles seed_surface(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
                        const SeedOptions& options, RunContext& run) {
     validate(options);
-    const DartBoard board = make_board(domain.boundary(), sizing, run);
-    check_count(board.until.empty() ? 0.0 : board.until.back(), options);
+    const DartBoard board(domain.boundary(), sizing, run);
+    check_count(board.wanted(), options);
 
     Particles particles;
     DartGrid grid(domain.bounds().low, sizing.h_min(), sizing.h_max(), options.dart_radius);
@@ -253,7 +294,7 @@ Particles seed_surface(const Domain& domain, const FeatureSet& features, const S
     seed_curves(domain, features, sizing, particles, grid);
     const std::size_t first = particles.size();
 
-    DartThrower thrower(domain, sizing, options, particles, grid);
+    DartThrower thrower(sizing, options, particles, grid);
     for (int round = 0; round < kRounds; ++round) {
         thrower.throw_round(board, round);
         run.report(0.3 * (round + 1) / kRounds);

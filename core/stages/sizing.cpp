@@ -1,174 +1,265 @@
 #include "core/stages/sizing.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "core/error.h"
 #include "core/geometry/lipschitz_field.h"
+#include "core/geometry/sample_source.h"
 #include "core/parallel.h"
+#include "core/stages/sizing/curvature.h"
+#include "core/stages/sizing/probes.h"
+#include "core/stages/sizing/regions.h"
+#include "core/stages/sizing/thickness.h"
 
 namespace remesh {
 namespace {
 
-constexpr double kSampleSpacing = 0.5;  // Over h.
-constexpr double kPlateau = 0.43;       // Over h: no place of the surface is farther from a probe.
-constexpr double kAcrossBody = 0.7;     // Spacing over thickness: less than two layers are coarse.
-constexpr double kAcrossGap = 1.0;      // Spacing over the gap to the next wall outside.
-constexpr double kWorthIt = 0.97;       // Refinement by less than this isn't worth a graded field.
-constexpr double kTilt = 0.45;          // Tangent of the outer rays' angle to the normal.
-constexpr double kOpposite = -0.3;      // Cosine below which a wall faces the other way.
-constexpr double kNear = 0.05;          // Rays start this far over h from the surface.
-constexpr double kFar = 2.0;            // And end here.
+using Sources = std::vector<std::shared_ptr<const SizingSource>>;
 
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
+constexpr double kLeastShare = 0.1;      // Of max_size: min_size if nobody says.
+constexpr double kWorthIt = 0.97;        // Refinement by less than this isn't worth a sample.
+constexpr double kFinestProbes = 0.35;   // Spacing of curvature probes over min_size, at least.
+constexpr double kCoarsestProbes = 0.5;  // Spacing of thickness probes over max_size, at most.
+constexpr double kMaxProbes = 2e6;       // More are spread wider.
+constexpr double kPlateau = 0.5;         // Of a sample over the spacing.
 
-// A place on the boundary where thickness is measured.
-struct Probe {
-    std::uint64_t cell;  // One probe a cell and side of the surface.
-    Vec3 x;
-    Index facet;
-};
+// The guard alone halves h at most, within the depth of a layer or two: a slope of 0.2 would spread
+// that over 2.5 h and double the number of tets of a thin body. In a graded map it follows the map.
+constexpr double kGuardGradation = 0.5;
 
-// Points on all triangles, about `spacing` apart, thinned to one a cell and direction, so that
-// both sides of a thin sheet are probed. The same for every order of threads, since serial.
-std::vector<Probe> place_probes(const SurfaceMesh& surface, const Box& box, double spacing,
-                                const RunContext& run) {
-    std::vector<Probe> probes;
-    for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
-        if (t % kGrain == 0) {
-            run.checkpoint();
-        }
-        const Vec3& a = surface.vertices[at(surface.triangles[t][0])];
-        const Vec3 u = surface.vertices[at(surface.triangles[t][1])] - a;
-        const Vec3 v = surface.vertices[at(surface.triangles[t][2])] - a;
-        const Vec3 normal = u.cross(v);
-        const double longest = std::max({u.norm(), v.norm(), (u - v).norm()});
-        const int steps = std::max(1, static_cast<int>(std::ceil(longest / spacing)));
-        // Centroids of the triangle's parts when every edge is cut into `steps`.
-        for (int i = 0; i < steps; ++i) {
-            for (int j = 0; i + j < steps; ++j) {
-                const Vec3 x = a + ((i + 1.0 / 3.0) * u + (j + 1.0 / 3.0) * v) / steps;
-                std::uint64_t key = 0;
-                for (Eigen::Index axis = 0; axis < 3; ++axis) {
-                    const auto along =
-                        static_cast<std::uint64_t>((x[axis] - box.low[axis]) / spacing);
-                    key = (key << 20) | (along & 0xfffffU);
-                    key = (key << 1) | (normal[axis] < 0.0 ? 1U : 0U);
-                }
-                probes.push_back({key, x, static_cast<Index>(t)});
-            }
-        }
+constexpr double kMaxGradation = 0.3;  // Quality falls beyond.
+constexpr double kMaxGrowth = 1.25;
+constexpr std::size_t kMaxRegions = 1000;
+constexpr std::size_t kMaxPoints = 100'000;
+
+double smallest_asked_for(const SizingOptions& options) {
+    double least =
+        options.layer ? options.layer->first_size : std::numeric_limits<double>::infinity();
+    for (const SizingRegion& region : options.regions) {
+        least = std::min(least, region.size);
     }
-    std::stable_sort(probes.begin(), probes.end(),
-                     [](const Probe& a, const Probe& b) { return a.cell < b.cell; });
-    const auto last = std::unique(probes.begin(), probes.end(),
-                                  [](const Probe& a, const Probe& b) { return a.cell == b.cell; });
-    probes.erase(last, probes.end());
-    return probes;
+    return least;
 }
 
-class ThicknessGuard {
-public:
-    ThicknessGuard(const Domain& domain, const SizingOptions& options)
-        : domain_(domain), h_(options.edge_length), least_(options.min_factor) {}
+// Mean edge, each triangle by its area.
+double mean_edge(const SurfaceMesh& surface) {
+    double sum = 0.0;
+    double area = 0.0;
+    for (const Triangle& t : surface.triangles) {
+        const auto corner = [&](std::size_t k) -> const Vec3& {
+            return surface.vertices[static_cast<std::size_t>(t[k])];
+        };
+        const Vec3 u = corner(1) - corner(0);
+        const Vec3 v = corner(2) - corner(0);
+        const double weight = u.cross(v).norm();
+        sum += weight * (u.norm() + v.norm() + (u - v).norm()) / 3.0;
+        area += weight;
+    }
+    return area > 0.0 ? sum / area : 0.0;
+}
 
-    // Spacing wanted at a probe.
-    [[nodiscard]] double spacing_at(const Probe& probe) const {
-        const BoundaryPoint on = domain_.closest(probe.x, probe.facet);
-        double wanted = h_;
-        if (!has_room(on, -h_ / kAcrossBody)) {
-            wanted = std::min(wanted, kAcrossBody * across(on, -1.0));
+double area_of(const SurfaceMesh& surface) {
+    double area = 0.0;
+    for (const Triangle& t : surface.triangles) {
+        const Vec3& a = surface.vertices[static_cast<std::size_t>(t[0])];
+        const Vec3& b = surface.vertices[static_cast<std::size_t>(t[1])];
+        const Vec3& c = surface.vertices[static_cast<std::size_t>(t[2])];
+        area += 0.5 * (b - a).cross(c - a).norm();
+    }
+    return area;
+}
+
+// What curvature or thickness asks for, on points all over the boundary.
+class SurfaceSizes {
+public:
+    SurfaceSizes(const Domain& domain, const FeatureSet& features, const SizingOptions& options,
+                 double h_min, double h_max)
+        : domain_(domain),
+          has_features_(!features.curves.empty()),
+          options_(options),
+          h_min_(h_min),
+          h_max_(h_max),
+          spacing_(std::max({mean_edge(domain.boundary()), kFinestProbes * h_min,
+                             std::sqrt(area_of(domain.boundary()) / kMaxProbes)})) {}
+
+    // Over several edges of the input, however long they are: one triangle is always flat.
+    void add_curvature(std::vector<SizingSample>& samples, RunContext& run) const {
+        const std::vector<Probe> probes = probes_at(spacing_, run);
+        auto wanted = estimate_curvature(domain_.boundary(), probes, spacing_, has_features_, run);
+        for (double& value : wanted) {
+            value = std::sqrt(8.0 * *options_.chord_error / std::max(value, 1e-300));
         }
-        if (!has_room(on, h_ / kAcrossGap)) {
-            wanted = std::min(wanted, kAcrossGap * across(on, 1.0));
-        }
-        return std::max(wanted, least_ * h_);
+        add(probes, wanted, spacing_, samples, run);
+    }
+
+    void add_thickness(std::vector<SizingSample>& samples, RunContext& run) const {
+        const double spacing = std::min(spacing_, kCoarsestProbes * h_max_);
+        const std::vector<Probe> probes = probes_at(spacing, run);
+        std::vector<double> wanted(probes.size());
+        for_each_index(probes.size(), run, [&](std::size_t k) {
+            wanted[k] = size_across(domain_, probes[k], *options_.elements_across, h_max_);
+        });
+        add(probes, wanted, spacing, samples, run);
     }
 
 private:
-    // Whether a ball of that diameter fits against the boundary, on the inner side if negative: one
-    // question that spares the rays nearly everywhere.
-    [[nodiscard]] bool has_room(const BoundaryPoint& on, double diameter) const {
-        const Vec3 center = on.point + 0.5 * diameter * on.normal;
-        return !domain_.closest_within(center, 0.97 * 0.5 * std::abs(diameter), on.facet);
+    [[nodiscard]] std::vector<Probe> probes_at(double spacing, const RunContext& run) const {
+        return place_probes(
+            domain_.boundary(), spacing, [&](const Vec3&, double) { return spacing; }, run);
     }
 
-    // Distance to the opposite wall, inward (side -1) or outward (+1): the shortest of five rays
-    // outward, the second shortest inward, where a single ray may leave through a dent.
-    [[nodiscard]] double across(const BoundaryPoint& on, double side) const {
-        const Vec3& n = on.normal;
-        const Vec3 u = n.unitOrthogonal();
-        const Vec3 v = n.cross(u);
-        const std::array<Vec3, 5> directions{
-            n, (n + kTilt * u).normalized(), (n - kTilt * u).normalized(),
-            (n + kTilt * v).normalized(), (n - kTilt * v).normalized()};
-        std::array<double, 5> hits{};
-        for (std::size_t ray = 0; ray < hits.size(); ++ray) {
-            hits[ray] = domain_
-                            .first_hit(on.point, side * directions[ray], kNear * h_, kFar * h_, n,
-                                       kOpposite)
-                            .value_or(std::numeric_limits<double>::infinity());
+    void add(const std::vector<Probe>& probes, const std::vector<double>& wanted, double spacing,
+             std::vector<SizingSample>& samples, RunContext& run) const {
+        const auto smooth =
+            median_nearby(domain_.boundary(), probes, wanted, spacing, has_features_, run);
+        for (std::size_t k = 0; k < probes.size(); ++k) {
+            if (smooth[k] < kWorthIt * h_max_) {
+                samples.push_back({probes[k].x, std::max(smooth[k], h_min_), kPlateau * spacing});
+            }
         }
-        std::sort(hits.begin(), hits.end());
-        return side < 0.0 ? hits[1] : hits[0];
     }
 
     const Domain& domain_;
-    double h_;
-    double least_;
+    bool has_features_;
+    const SizingOptions& options_;
+    double h_min_;
+    double h_max_;
+    double spacing_;  // Of what is measured on the input's own triangles.
 };
+
+class Checker {
+public:
+    static void number(const std::string& field, double value, bool is_good,
+                       const std::string& range) {
+        if (!is_good) {
+            throw Error(ErrorCode::InvalidInput,
+                        "sizing." + field + " must be " + range + ", got " + std::to_string(value));
+        }
+    }
+    static void length(const std::string& field, double value) {
+        number(field, value, std::isfinite(value) && value > 0.0, "> 0 and finite");
+    }
+    static void growth(const std::string& field, double value) {
+        number(field, value, value > 1.0 && value <= kMaxGrowth, "in (1, 1.25]");
+    }
+    static void points(const std::string& field, const Points& points, std::size_t fewest) {
+        number(field, static_cast<double>(points.size()),
+               points.size() >= fewest && points.size() <= kMaxPoints,
+               std::to_string(fewest) + " to " + std::to_string(kMaxPoints) + " points");
+        for (const Vec3& x : points) {
+            finite(field, x);
+        }
+    }
+    static void finite(const std::string& field, const Vec3& x) {
+        for (const double value : x) {
+            number(field, value, std::isfinite(value), "finite");
+        }
+    }
+};
+
+void check_region(const SizingRegion& region, const std::string& field) {
+    Checker::length(field + ".size", region.size);
+    if (region.growth) {
+        Checker::growth(field + ".growth", *region.growth);
+    }
+    if (const auto* sphere = std::get_if<SizingSphere>(&region.shape)) {
+        Checker::finite(field + ".sphere.center", sphere->center);
+        Checker::number(field + ".sphere.radius", sphere->radius,
+                        std::isfinite(sphere->radius) && sphere->radius >= 0.0, ">= 0 and finite");
+    } else if (const auto* box = std::get_if<SizingBox>(&region.shape)) {
+        Checker::finite(field + ".box.low", box->low);
+        Checker::finite(field + ".box.high", box->high);
+        Checker::number(field + ".box.high", (box->high - box->low).minCoeff(),
+                        (box->high.array() >= box->low.array()).all(), "at least box.low");
+    } else if (const auto* line = std::get_if<SizingPolyline>(&region.shape)) {
+        Checker::points(field + ".polyline", line->points, 2);
+    } else {
+        Checker::points(field + ".points", std::get<SizingPoints>(region.shape).points, 1);
+    }
+}
 
 }  // namespace
 
-void validate(const SizingOptions& options) {
-    const auto check = [](const char* field, double value, bool is_good, const char* range) {
-        if (!is_good) {
-            throw Error(ErrorCode::InvalidInput, std::string("sizing.") + field + " must be " +
-                                                     range + ", got " + std::to_string(value));
+void validate(const SizingOptions& options, std::optional<double> edge_length) {
+    Checker::number("min_factor", options.min_factor,
+                    options.min_factor > 0.0 && options.min_factor <= 1.0, "in (0, 1]");
+    Checker::number("gradation", options.gradation,
+                    options.gradation > 0.0 && options.gradation <= kMaxGradation, "in (0, 0.3]");
+    for (const auto& [field, value] :
+         {std::pair{"min_size", options.min_size}, std::pair{"max_size", options.max_size},
+          std::pair{"chord_error", options.chord_error}}) {
+        if (value) {
+            Checker::length(field, *value);
         }
-    };
-    check("edge_length", options.edge_length,
-          std::isfinite(options.edge_length) && options.edge_length > 0.0, "> 0 and finite");
-    check("min_factor", options.min_factor, options.min_factor > 0.0 && options.min_factor <= 1.0,
-          "in (0, 1]");
-    check("gradation", options.gradation, options.gradation > 0.0 && options.gradation <= 1.0,
-          "in (0, 1]");
+    }
+    const auto max_size = options.max_size ? options.max_size : edge_length;
+    if (options.min_size && max_size) {
+        Checker::number("min_size", *options.min_size, *options.min_size <= *max_size,
+                        "at most " + std::string(options.max_size ? "max_size" : "edge_length") +
+                            " = " + std::to_string(*max_size));
+    }
+    if (options.elements_across) {
+        Checker::number("elements_across", *options.elements_across,
+                        *options.elements_across >= 1.0 && *options.elements_across <= 16.0,
+                        "in [1, 16]");
+    }
+    if (options.layer) {
+        Checker::length("boundary_layer.first_size", options.layer->first_size);
+        Checker::growth("boundary_layer.growth", options.layer->growth);
+    }
+    Checker::number("regions", static_cast<double>(options.regions.size()),
+                    options.regions.size() <= kMaxRegions, "at most 1000");
+    for (std::size_t i = 0; i < options.regions.size(); ++i) {
+        check_region(options.regions[i], "regions[" + std::to_string(i) + "]");
+    }
 }
 
 std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
+                                                      const FeatureSet& features,
+                                                      double edge_length,
                                                       const SizingOptions& options,
                                                       RunContext& run) {
-    validate(options);
-    const double h = options.edge_length;
-    if (!options.guard_thickness || options.min_factor >= kWorthIt) {
-        return std::make_shared<UniformSizing>(h);
+    validate(options, edge_length);
+    const double h_max = options.max_size.value_or(edge_length);
+    const double h_min =
+        options.min_size.value_or(std::min(kLeastShare * h_max, smallest_asked_for(options)));
+    Sources sources;
+    if (options.chord_error || options.elements_across) {
+        const SurfaceSizes sizes(domain, features, options, h_min, h_max);
+        std::vector<SizingSample> samples;
+        if (options.chord_error) {
+            sizes.add_curvature(samples, run);
+        }
+        run.report(0.4);
+        if (options.elements_across) {
+            sizes.add_thickness(samples, run);
+        }
+        sources.push_back(std::make_shared<SampleSource>(std::move(samples), options.gradation));
     }
-    const std::vector<Probe> probes =
-        place_probes(domain.boundary(), domain.bounds(), kSampleSpacing * h, run);
-    run.report(0.2);
-
-    const ThicknessGuard guard(domain, options);
-    std::vector<double> wanted(probes.size());
-    for_each_index(probes.size(), run,
-                   [&](std::size_t k) { wanted[k] = guard.spacing_at(probes[k]); });
-    std::vector<SizingSample> samples;
-    for (std::size_t k = 0; k < probes.size(); ++k) {
-        if (wanted[k] < kWorthIt * h) {
-            samples.push_back({probes[k].x, wanted[k]});
+    for (const SizingRegion& region : options.regions) {
+        sources.push_back(make_region(region, options.gradation));
+    }
+    if (options.layer) {
+        sources.push_back(make_layer(domain, *options.layer));
+    }
+    run.report(0.7);
+    if (options.guard_thickness && options.min_factor < kWorthIt) {
+        auto samples =
+            guard_thickness(domain, LipschitzField(sources, h_min, h_max), options.min_factor, run);
+        if (!samples.empty()) {
+            sources.push_back(std::make_shared<SampleSource>(
+                std::move(samples), options.is_graded() ? options.gradation : kGuardGradation));
         }
     }
     run.report(1.0);
-    if (samples.empty()) {
-        return std::make_shared<UniformSizing>(h);
+    auto field = std::make_shared<LipschitzField>(std::move(sources), h_min, h_max);
+    if (field->is_uniform()) {
+        return std::make_shared<UniformSizing>(h_max);
     }
-    return std::make_shared<LipschitzField>(std::move(samples), h, options.gradation, kPlateau * h);
+    return field;
 }
 
 }  // namespace remesh

@@ -1,4 +1,5 @@
 #include "server/convert.h"
+#include "server/convert/sizing.h"
 
 namespace remesh {
 namespace {
@@ -117,8 +118,7 @@ RemeshOptions to_core(const v1::Options& from) {
     to.seed.seed = from.has_seed() ? from.seed() : to.seed.seed;
     read(from.prepare(), to.prepare);
     read(from.features(), to.features);
-    to.guard_thickness =
-        from.sizing().has_guard_thickness() ? from.sizing().guard_thickness() : to.guard_thickness;
+    to.sizing = to_core(from.sizing());
     read(from.relaxation(), to.relax);
     to.seed.preload =
         from.relaxation().has_preload() ? from.relaxation().preload() : to.seed.preload;
@@ -143,7 +143,7 @@ v1::Options to_proto(const RemeshOptions& from) {
     features->set_detect(from.features.detect);
     features->set_sharp_angle(from.features.sharp_angle);
     features->set_corner_angle(from.features.corner_angle);
-    to.mutable_sizing()->set_guard_thickness(from.guard_thickness);
+    *to.mutable_sizing() = to_proto(from.sizing);
     auto* relaxation = to.mutable_relaxation();
     relaxation->set_force(to_proto(from.relax.force));
     relaxation->set_integrator(to_proto(from.relax.integrator));

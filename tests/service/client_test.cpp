@@ -9,8 +9,10 @@
 #include <poll.h>
 #include <signal.h>
 #include <sstream>
+#include <tuple>
 #include <unistd.h>
 
+#include "client/follow.h"
 #include "tests/service/client_fake_server.h"
 #include "tests/service/client_process.h"
 
@@ -255,6 +257,23 @@ TEST_F(Client, GoesOnWatchingWhereTheStreamBroke) {
     EXPECT_THAT(sequences, ElementsAre(1, 2, 3, 4, 5, 6));
     EXPECT_THAT(server_.watches(), ElementsAre(0, 3));
     EXPECT_EQ(json_lines(result.out).back()["completed"]["state"], "SUCCEEDED");
+}
+
+TEST_F(Client, RenewsAWatchOfAQuietJobThoughItsPatienceIsShort) {
+    server_.outcome = v1::Job::STATE_RUNNING;
+    v1::Job quiet;
+    quiet.set_state(v1::Job::STATE_RUNNING);
+    const v1::Job job = server_.add_job(quiet);
+    Connection connection(server_.address(), std::chrono::milliseconds(1), {});
+    const auto cancel_after_some_renewals = [&](const v1::JobEvent&) {
+        if (server_.watches().size() == 4) {
+            std::ignore = connection.cancel_job(job.name());
+        }
+    };
+    const v1::Job end = follow(connection, job.name(), 0, cancel_after_some_renewals,
+                               std::chrono::milliseconds(200));
+    EXPECT_EQ(end.state(), v1::Job::STATE_CANCELLED);
+    EXPECT_GE(server_.watches().size(), 4u);
 }
 
 TEST_F(Client, GoesOnDownloadingWhereTheStreamBroke) {

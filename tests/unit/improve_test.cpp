@@ -10,6 +10,7 @@
 #include <stop_token>
 
 #include "core/error.h"
+#include "core/stages/improve/flips.h"
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/verify.h"
 #include "tests/support/analytic_domain.h"
@@ -299,6 +300,31 @@ TEST(ImproveMesh, TellsTheQualityAfterEachPass) {
     ASSERT_EQ(samples.size(), 3U);
     EXPECT_GT(samples.back().mean, 0.8);
     EXPECT_LT(samples.back().first_percentile, samples.back().mean);
+}
+
+// A flat tet with both its upper triangles on the boundary, on two legs that have only its lower
+// edge in common: without it the legs would hold together by that edge alone.
+TEST(RemoveEdge, LeavesATetInPlaceThatHoldsTheBoundaryTogether) {
+    improve::LiveMesh mesh;
+    for (const Vec3& x : {Vec3(-1, 0, 0), Vec3(1, 0, 0), Vec3(0, -1, -0.1), Vec3(0, 1, -0.1),
+                          Vec3(-0.3, 0, -1), Vec3(0.3, 0, -1), Vec3(-1, -1, -1), Vec3(1, -1, -1)}) {
+        mesh.add_vertex(x, ParticleKind::Surface, kNone, false);
+    }
+    for (Tet tet :
+         {Tet{0, 1, 2, 3}, Tet{0, 2, 3, 4}, Tet{1, 2, 3, 5}, Tet{0, 2, 4, 6}, Tet{1, 2, 5, 7}}) {
+        const Vec3& a = mesh.point(tet[0]);
+        if ((mesh.point(tet[1]) - a).dot((mesh.point(tet[2]) - a).cross(mesh.point(tet[3]) - a)) <
+            0.0) {
+            std::swap(tet[2], tet[3]);
+        }
+        mesh.append_tet(tet);
+    }
+    mesh.build_incidence();
+
+    EXPECT_FALSE(improve::remove_edge(mesh, 0, 1, improve::Judge::RadiusRatio));
+
+    EXPECT_TRUE(mesh.is_alive(0));
+    EXPECT_EQ(mesh.slot_count(), 5U);
 }
 
 TEST(ImproveMesh, RefusesACarvedMeshThatIsNotValid) {

@@ -64,5 +64,21 @@ TEST(Decimate, SurvivesANonManifoldSurface) {
     EXPECT_LE(decimate(sphere, 300).triangles.size(), 300u);
 }
 
+TEST(Cluster, KeepsASmallSurfaceAsItIs) {
+    const auto sphere = testing::icosphere(1);
+
+    EXPECT_EQ(cluster(sphere).triangles, sphere.triangles);
+}
+
+TEST(Cluster, ComesNearTheTargetAndKeepsTheShape) {
+    const auto sphere = testing::icosphere(5);
+
+    const auto coarse = cluster(sphere, 1000);
+
+    EXPECT_LE(coarse.triangles.size(), 1000u);
+    EXPECT_GE(coarse.triangles.size(), 500u);
+    EXPECT_NEAR(enclosed_volume(coarse), enclosed_volume(sphere), 0.05 * enclosed_volume(sphere));
+}
+
 }  // namespace
 }  // namespace remesh

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/geometry/lipschitz_field.h"
 #include "core/geometry/neighbour_grid.h"
+#include "core/geometry/sample_source.h"
 #include "core/geometry/spatial_hash.h"
 #include "core/stages/seed.h"
 #include "tests/support/analytic_domain.h"
@@ -204,7 +205,9 @@ TEST(Relax, EveryForceLawAndIntegratorSpreadsTheParticles) {
 
 TEST(Relax, FollowsAGradedField) {
     const SphereDomain sphere(1.0);
-    const LipschitzField sizing({{Vec3(0, 0, 1), 0.06}}, 0.12, 0.3);
+    const auto source =
+        std::make_shared<SampleSource>(std::vector<SizingSample>{{Vec3(0, 0, 1), 0.06}}, 0.3);
+    const LipschitzField sizing({source}, 0.06, 0.12);
     RunContext run;
     const Particles seeds = seed_surface(sphere, {}, sizing, SeedOptions{}, run);
     const Particles surface =

@@ -199,7 +199,7 @@ bool peel(LiveMesh& mesh, Index a, Index b, const Ring& ring) {
     const Tet tet = mesh.tet(ring.tets[0]);
     mesh.remove(ring.tets[0]);
     if (!is_manifold_at(mesh, a, b, ring.vertices[0], ring.vertices[1])) {
-        mesh.add(tet);
+        mesh.restore(ring.tets[0], tet);  // In its place: callers go on with it.
         return false;
     }
     return true;

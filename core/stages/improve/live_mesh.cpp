@@ -97,6 +97,13 @@ void LiveMesh::remove(Index t) {
     }
 }
 
+void LiveMesh::restore(Index t, const Tet& tet) {
+    fill_slot(t, tet);
+    if (recording_) {
+        journal_.pop_back();
+    }
+}
+
 void LiveMesh::begin() {
     journal_.clear();
     recording_ = true;

@@ -61,6 +61,8 @@ public:
     Index add_vertex(const Vec3& point, ParticleKind kind, Index anchor, bool locked);
     Index add(const Tet& tet);
     void remove(Index t);
+    /// Puts back the tet that was removed last, where it was.
+    void restore(Index t, const Tet& tet);
     void move(Index v, const Vec3& point, Index anchor) {
         points_[at(v)] = point;
         anchors_[at(v)] = anchor;
