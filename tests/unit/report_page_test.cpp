@@ -21,7 +21,8 @@ RemeshResult result_of(const SurfaceMesh& surface) {
     return result;
 }
 
-std::string page_of(const JobRequest& request, const RemeshResult& result) {
+std::string page_of(const JobRequest& request, const RemeshResult& result,
+                    const std::vector<JobOutput>& files = {}) {
     std::vector<ConvergenceSample> samples(3);
     for (int i = 0; i < 3; ++i) {
         samples[static_cast<std::size_t>(i)].iteration = i + 1;
@@ -33,7 +34,7 @@ std::string page_of(const JobRequest& request, const RemeshResult& result) {
                 .input = result.surface,
                 .result = result,
                 .samples = samples,
-                .files = {},
+                .files = files,
                 .options = {},
                 .engine_version = "1.2.3"},
                out);
@@ -73,9 +74,11 @@ TEST(ReportPage, KeepsHostileNamesAsText) {
     RemeshResult result = result_of(testing::unit_cube());
     result.report.defects.push_back({"<b>", "<script>x</script>", 1, std::nullopt});
 
-    const auto document = parsed(page_of(request, result));
+    const JobOutput file{OutputKind::Surface, MeshFormat::Stl, {}, "<img src='x'/>.stl"};
 
-    EXPECT_TRUE(document.select_nodes("//script").empty());
+    const auto document = parsed(page_of(request, result, {file}));
+
+    EXPECT_TRUE(document.select_nodes("//script | //td//* | //th//*").empty());
     EXPECT_EQ(document.select_node("//h1").node().text().get(), request.file_name);
 }
 

@@ -18,6 +18,8 @@ interface Plot {
     unit: string;
     isLog: boolean;
     range?: [number, number];
+    /** What to say before there is anything. */
+    empty?: string;
     lines: Line[];
 }
 
@@ -58,6 +60,7 @@ const plots: Plot[] = [
         unit: 'radius ratio, 1 is regular',
         isLog: false,
         range: [0, 1],
+        empty: 'Measured once the particles have become a mesh.',
         lines: [
             { label: 'mean', ink: 'ink-1', of: (s) => s.quality?.mean ?? null },
             { label: 'worst 1 %', ink: 'ink-2', of: (s) => s.quality?.first_percentile ?? null },
@@ -119,7 +122,7 @@ function Curve(props: { plot: Plot; samples: Sample[] }) {
             {hasData ? (
                 <Canvas plot={plot} x={samples.map((sample) => sample.iteration)} lines={lines} />
             ) : (
-                <p class="nothing plot-space">Nothing yet.</p>
+                <p class="nothing plot-space">{plot.empty ?? 'Nothing yet.'}</p>
             )}
             <SampleTable plot={plot} samples={samples} />
         </figure>

@@ -6,6 +6,7 @@ import {
     Color,
     DirectionalLight,
     DoubleSide,
+    Fog,
     Group,
     HemisphereLight,
     Mesh as Drawn,
@@ -50,6 +51,7 @@ export class Scene {
     private readonly camera = new PerspectiveCamera(32, 1, 0.01, 1000);
     private readonly controls: OrbitControls;
     private readonly contents = new Group();
+    private readonly fog = new Fog(0);
     private readonly plane = new Plane(new Vector3(-1, 0, 0), 0);
     private content: Content | null = null;
     private faces: TetFaces | null = null;
@@ -59,6 +61,7 @@ export class Scene {
     private hasEdges = true;
     /** What edge lengths are compared with, model units. */
     private reference: number | null = null;
+    private radius = 1;
     private isFitted = false;
     /** Whether somebody chose a view: that one stays. */
     private isTurned = false;
@@ -73,6 +76,7 @@ export class Scene {
         const light = new DirectionalLight(0xffffff, 2.2);
         light.position.set(-0.5, -0.4, 0.9);
         this.camera.add(light);
+        this.stage.fog = this.fog;
         this.stage.add(this.camera, new HemisphereLight(0xffffff, 0xa9adb3, 2.5), this.contents);
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = false;
@@ -145,6 +149,7 @@ export class Scene {
     /** The whole body, from a little above its front, as large as it fits. */
     fit() {
         const { centre, radius } = this.bounds();
+        this.radius = radius;
         const toEye = new Vector3(0.45, -1, 0.25).normalize();
         const right = new Vector3(0, 0, 1).cross(toEye).normalize();
         const up = toEye.clone().cross(right);
@@ -182,6 +187,10 @@ export class Scene {
     draw() {
         this.frame ||= requestAnimationFrame(() => {
             this.frame = 0;
+            // Particles in front and behind are told apart by how they fade.
+            const away = this.camera.position.distanceTo(this.controls.target);
+            this.fog.near = away - 0.5 * this.radius;
+            this.fog.far = away + 0.9 * this.radius;
             this.renderer.render(this.stage, this.camera);
         });
     }
@@ -285,6 +294,7 @@ export class Scene {
             vertexColors: true,
             side: DoubleSide,
             flatShading: true,
+            fog: false,
             clippingPlanes,
             polygonOffset: true,
             polygonOffsetFactor: 1,
@@ -297,6 +307,7 @@ export class Scene {
                 wireframe: true,
                 transparent: true,
                 opacity: 0.16,
+                fog: false,
                 clippingPlanes,
             });
             this.contents.add(new Drawn(geometry, lines));
@@ -313,13 +324,15 @@ export class Scene {
             const glass = new MeshLambertMaterial({
                 color: colour('surface-3d'),
                 transparent: true,
-                opacity: 0.28,
+                opacity: 0.25,
+                fog: false,
                 depthWrite: false,
                 side: DoubleSide,
                 clippingPlanes,
             });
             this.contents.add(new Drawn(geometry, glass));
         }
+        this.fog.color.set(colour('stage-bottom'));
         const geometry = new BufferGeometry();
         geometry.setAttribute('position', new BufferAttribute(content.mesh.positions, 3));
         const size = content.mesh.positions.length > 30_000 ? 2.5 : 4;
