@@ -22,6 +22,11 @@ Failure no_such_output(const v1::Job& job, const std::string& wanted) {
                         there.empty() ? "nothing" : fmt::format("{}", fmt::join(there, ", ")))};
 }
 
+bool is_preview(const v1::Output& output) {
+    return output.kind() == v1::Output::KIND_PREVIEW ||
+           output.kind() == v1::Output::KIND_PREVIEW_TETRAHEDRA;
+}
+
 /// The first output that `fits`, tets before everything else, previews never.
 template <typename Fits>
 const v1::Output* best_output(const v1::Job& job, Fits fits) {
@@ -29,7 +34,7 @@ const v1::Output* best_output(const v1::Job& job, Fits fits) {
     for (const v1::Output& output : job.result().outputs()) {
         const bool is_better = best == nullptr || (output.kind() == v1::Output::KIND_TETRAHEDRA &&
                                                    best->kind() != v1::Output::KIND_TETRAHEDRA);
-        if (output.kind() != v1::Output::KIND_PREVIEW && is_better && fits(output)) {
+        if (!is_preview(output) && is_better && fits(output)) {
             best = &output;
         }
     }
@@ -69,6 +74,12 @@ const v1::Output& output_for(const v1::Job& job, const fs::path& path) {
         throw no_such_output(job, path.string());
     }
     return *found;
+}
+
+const v1::Output& report_for(const v1::Job& job, const fs::path& path) {
+    return output_of(job, lower_case(path.extension().string()) == ".html"
+                              ? v1::Output::KIND_REPORT_PAGE
+                              : v1::Output::KIND_REPORT);
 }
 
 void deliver(Connection& connection, const std::vector<Delivery>& deliveries) {

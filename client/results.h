@@ -24,6 +24,8 @@ struct Delivery {
 /// The output whose suggested name has the extension of `path`, tets before surfaces; ".json" is
 /// the report. \throws Failure{BadInput} that lists what there is
 [[nodiscard]] const v1::Output& output_for(const v1::Job& job, const std::filesystem::path& path);
+/// The report as a page for a name in .html, else as JSON.
+[[nodiscard]] const v1::Output& report_for(const v1::Job& job, const std::filesystem::path& path);
 
 /// Downloads everything, and only when all of it is there, puts it in place.
 void deliver(Connection& connection, const std::vector<Delivery>& deliveries);

@@ -60,17 +60,20 @@ void add_get(CLI::App& app, Action& chosen) {
         ->type_name("NAME")
         ->required();
     command
-        ->add_option("-o,--output", arguments->targets,
-                     "File to write; its extension picks the output, .json the report; - is stdout "
-                     "(repeatable)")
+        ->add_option(
+            "-o,--output", arguments->targets,
+            "File to write; its extension picks the output, .json and .html the report; - is "
+            "stdout "
+            "(repeatable)")
         ->type_name("FILE")
         ->allow_extra_args(false)
         ->required();
     command->add_option("--format", arguments->format, "Pick by format, whatever the name")
         ->type_name("FORMAT");
     command->add_option("--kind", arguments->kind, "Pick by kind, whatever the name")
-        ->type_name("surface|tetrahedra|report|preview")
-        ->check(CLI::IsMember({"surface", "tetrahedra", "report", "preview"}).description(""));
+        ->type_name("surface|tetrahedra|report|report_page|preview")
+        ->check(CLI::IsMember({"surface", "tetrahedra", "report", "report_page", "preview"})
+                    .description(""));
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return get(*arguments, session); };
     });

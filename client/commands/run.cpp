@@ -152,7 +152,7 @@ void finish(Task& task, const RunArguments& arguments, Session& session) {
         task.deliveries.push_back({output_in(task.job, file.format), file.target});
     }
     if (!arguments.report.empty()) {
-        task.deliveries.push_back({output_of(task.job, v1::Output::KIND_REPORT), arguments.report});
+        task.deliveries.push_back({report_for(task.job, arguments.report), arguments.report});
     }
     deliver(server, task.deliveries);
 }
@@ -279,7 +279,9 @@ void add_run(CLI::App& app, Action& chosen) {
         ->add_option("--output-dir", arguments->wishes.output_dir,
                      "Folder for IN_remeshed.EXT, made if need be")
         ->type_name("FOLDER");
-    command->add_option("--report", arguments->report, "Also write the full report, JSON")
+    command
+        ->add_option("--report", arguments->report,
+                     "Also write the full report: a page if FILE ends in .html, else JSON")
         ->type_name("FILE");
     add_job_arguments(*command, arguments->job);
     command->callback([arguments, &chosen] {

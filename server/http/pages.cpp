@@ -35,8 +35,8 @@ std::string inflated(std::string_view gzip) {
 }
 
 /// \param is_immutable  its name changes with its content
-void send(const Asset& asset, bool is_immutable, const httplib::Request& request,
-          httplib::Response& response) {
+void send_asset(const Asset& asset, bool is_immutable, const httplib::Request& request,
+                httplib::Response& response) {
     if (is_immutable) {
         response.set_header("Cache-Control", "public, max-age=31536000, immutable");
     } else {
@@ -46,7 +46,7 @@ void send(const Asset& asset, bool is_immutable, const httplib::Request& request
     const bool takes_gzip =
         request.get_header_value("Accept-Encoding").find("gzip") != std::string::npos;
     if (!takes_gzip) {
-        http::send(response, inflated(asset.gzip), std::string(asset.type));
+        send(response, inflated(asset.gzip), std::string(asset.type));
         return;
     }
     response.set_header("Content-Encoding", "gzip");
@@ -69,7 +69,7 @@ const Asset* find(std::string_view path) {
 void add_pages(httplib::Server& server) {
     server.Get("/assets/.+", [](const httplib::Request& request, httplib::Response& response) {
         if (const Asset* asset = find(request.path)) {
-            send(*asset, true, request, response);
+            send_asset(*asset, true, request, response);
         } else {
             refuse(response, 404, "NOT_FOUND", "There is no such file.");
         }
@@ -77,7 +77,7 @@ void add_pages(httplib::Server& server) {
     server.Get(R"(/|/new|/sign-in|/jobs/[a-z0-9-]+/[a-z0-9-]+)", [](const httplib::Request& request,
                                                                     httplib::Response& response) {
         if (const Asset* page = find("/index.html")) {
-            send(*page, false, request, response);
+            send_asset(*page, false, request, response);
         } else {
             refuse(response, 404, "NO_DASHBOARD", "This remeshd was built without the dashboard.");
         }

@@ -64,8 +64,8 @@ std::string framed(const v1::JobEvent& event) {
     return text + "event: " + name + "\ndata: " + to_json(event) + "\n\n";
 }
 
-std::string framed_error(const std::string& json) {
-    return "event: refused\ndata: " + json + "\n\n";
+std::string framed_error(const std::string& error) {
+    return "event: refused\ndata: " + error + "\n\n";
 }
 
 void start_stream(httplib::Response& response, httplib::ContentProviderWithoutLength provider) {

@@ -9,7 +9,6 @@
 namespace remesh::report {
 namespace {
 
-constexpr double kBarsWidth = 260.0;
 constexpr double kBarsHeight = 110.0;
 constexpr double kCurvesWidth = 520.0;
 constexpr double kCurvesHeight = 170.0;
@@ -32,12 +31,13 @@ public:
                 }
             }
         }
-        if (is_log_) {
+        if (is_log_ && !is_empty()) {
             low_ = std::floor(low_);
             high_ = std::max(std::ceil(high_), low_ + 1.0);
-        } else {
+        } else if (!is_empty()) {
             low_ = 0.0;
-            high_ = std::max(high_, 1e-300);
+            step_ = round_step(std::max(high_, 1e-300) / 4.0);
+            high_ = step_ * std::ceil(high_ / step_);
         }
     }
 
@@ -67,7 +67,15 @@ private:
         return 8.0 + (kCurvesHeight - 8.0) * (1.0 - (mapped_value - low_) / (high_ - low_));
     }
 
+    /// The next larger of 1, 2 and 5 times a power of ten.
+    static double round_step(double step) {
+        const double power = std::pow(10.0, std::floor(std::log10(step)));
+        const double digit = step / power;
+        return power * (digit <= 1.0 ? 1.0 : digit <= 2.0 ? 2.0 : digit <= 5.0 ? 5.0 : 10.0);
+    }
+
     bool is_log_;
+    double step_ = 1.0;  // Between ticks of a linear axis.
     double low_ = std::numeric_limits<double>::infinity();
     double high_ = -std::numeric_limits<double>::infinity();
 };
@@ -114,16 +122,17 @@ double tallest_bin(const Summary& summary) {
     return total > 0 ? static_cast<double>(tallest) / static_cast<double>(total) : 0.0;
 }
 
-std::string histogram_svg(const Summary& summary, double top, std::string_view style) {
+std::string histogram_svg(const Summary& summary, double top, std::string_view style,
+                          double width) {
     const auto& counts = summary.histogram.counts;
     double total = 0.0;
     for (const std::int64_t bin : counts) {
         total += static_cast<double>(bin);
     }
     std::string svg = fmt::format(
-        R"(<svg viewBox="0 0 {:.0f} {:.0f}" role="img" aria-label="mean {}, smallest {}">)",
-        kBarsWidth, kBarsHeight + 16.0, number(summary.mean), number(summary.min));
-    const double step = kBarsWidth / static_cast<double>(std::max<std::size_t>(1, counts.size()));
+        R"(<svg viewBox="0 0 {:.0f} {:.0f}" role="img" aria-label="mean {}, smallest {}">)", width,
+        kBarsHeight + 16.0, number(summary.mean), number(summary.min));
+    const double step = width / static_cast<double>(std::max<std::size_t>(1, counts.size()));
     for (std::size_t i = 0; i < counts.size(); ++i) {
         const double share = total > 0.0 ? static_cast<double>(counts[i]) / total : 0.0;
         const double height = top > 0.0 ? kBarsHeight * share / top : 0.0;
@@ -137,9 +146,9 @@ std::string histogram_svg(const Summary& summary, double top, std::string_view s
             number(low + static_cast<double>(i + 1) * bin), count(counts[i]));
     }
     svg += fmt::format(R"(<line class="axis" x1="0" x2="{0:.0f}" y1="{1:.1f}" y2="{1:.1f}"/>)",
-                       kBarsWidth, kBarsHeight + 0.5);
+                       width, kBarsHeight + 0.5);
     svg += text(0.0, kBarsHeight + 13.0, "start", number(summary.histogram.low));
-    svg += text(kBarsWidth, kBarsHeight + 13.0, "end", number(summary.histogram.high));
+    svg += text(width, kBarsHeight + 13.0, "end", number(summary.histogram.high));
     return svg + "</svg>";
 }
 

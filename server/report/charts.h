@@ -22,7 +22,9 @@ namespace remesh::report {
 
 /// A histogram as SVG, its bars scaled so that `top` (a share of all) is full height.
 /// \param style  class of the bars
-[[nodiscard]] std::string histogram_svg(const Summary& summary, double top, std::string_view style);
+/// \param width  of the picture, in units of which its height is about 126
+[[nodiscard]] std::string histogram_svg(const Summary& summary, double top, std::string_view style,
+                                        double width);
 
 /// Largest share of all that a bin holds.
 [[nodiscard]] double tallest_bin(const Summary& summary);

@@ -15,6 +15,9 @@ namespace remesh::report {
 namespace {
 
 constexpr int kPictureHeight = 520;
+// Widths of histograms: two beside each other take as much as one.
+constexpr double kHalf = 240.0;
+constexpr double kWhole = 500.0;
 
 std::string base64(std::string_view bytes) {
     constexpr std::string_view kDigits =
@@ -68,15 +71,15 @@ void write_pair(std::string_view title, std::string_view unit, const Summary& be
     const double top = std::max(tallest_bin(before), tallest_bin(after));
     out << fmt::format(
         "<figure><h3>{} <small>{}</small></h3><div class=\"pair\">{}{}</div></figure>", title, unit,
-        labelled(histogram_svg(before, top, "before"), "before", before),
-        labelled(histogram_svg(after, top, "after"), "after", after));
+        labelled(histogram_svg(before, top, "before", kHalf), "before", before),
+        labelled(histogram_svg(after, top, "after", kHalf), "after", after));
 }
 
 void write_single(std::string_view title, std::string_view unit, const Summary& summary,
                   std::ostream& out) {
     out << fmt::format(
         "<figure><h3>{} <small>{}</small></h3><div class=\"pair\">{}</div></figure>", title, unit,
-        labelled(histogram_svg(summary, tallest_bin(summary), "after"), "result", summary));
+        labelled(histogram_svg(summary, tallest_bin(summary), "after", kWhole), "result", summary));
 }
 
 void write_histograms(const QualityReport& report, std::ostream& out) {
@@ -249,7 +252,7 @@ void write_costs(const QualityReport& report, std::ostream& out) {
 void write_provenance(const PageContent& content, std::ostream& out) {
     out << "<h2>Provenance</h2><table><tbody>";
     const auto row = [&](std::string_view name, const std::string& value) {
-        out << fmt::format("<tr><th>{}</th><td>{}</td></tr>", name, escaped(value));
+        out << fmt::format("<tr><th>{}</th><td>{}</td></tr>", escaped(name), escaped(value));
     };
     row("Engine", "remesh " + content.engine_version);
     row("Made", fmt::format("{:%Y-%m-%d %H:%M:%S} UTC",

@@ -25,7 +25,7 @@ figure{min-width:0;margin:0;padding:16px 18px;border:1px solid var(--line);borde
 .pictures img{max-width:100%;height:auto;max-height:520px}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,480px),1fr));gap:16px}
 .pair{display:flex;flex-wrap:wrap;gap:20px;margin-top:10px}
-.pair div{flex:1;min-width:180px;max-width:380px}
+.pair div{flex:1;min-width:180px}
 figure b{color:var(--text)}
 svg{display:block;width:100%;overflow:visible}
 svg text{fill:var(--muted);font-size:10px}

@@ -48,7 +48,7 @@ afterEach(async () => {
 
 /** A page that counts what goes wrong in it. */
 async function openPage(options = {}) {
-    const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, ...options });
+    const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, reducedMotion: 'reduce', ...options });
     const opened = await context.newPage();
     opened.setDefaultTimeout(30_000);
     problems = [];
@@ -166,7 +166,7 @@ test('the view turns, cuts and changes its colours', async () => {
     await look();
     await page.getByLabel('Colour by').selectOption('edge');
     await look();
-    await page.getByText('Tetrahedra', { exact: true }).click();
+    await page.getByLabel('What is shown').getByText('Tetrahedra').click();
     await page.getByText(/[\d,]+ tetrahedra/).waitFor();
     await page.getByLabel('Share that is cut away').fill('0.5');
     await page.getByLabel('Colour by').selectOption('quality');
@@ -204,7 +204,7 @@ test('a page goes on after the server restarted, and cancels', async () => {
     await server.stop();
     await page.getByText('Connection lost').waitFor();
     await server.start();
-    await page.getByText('Live', { exact: true }).waitFor();
+    await page.locator('.link-live').waitFor();
     await state('running');
     await waitUntil(async () => (await iteration()) > 0, 'convergence after the restart');
 

@@ -65,6 +65,7 @@ public:
         capabilities = v1::CapabilityService::NewStub(channel);
     }
     void stop() { server_.reset(); }
+    [[nodiscard]] Server& server() { return *server_; }
     [[nodiscard]] std::string address() const {
         return "127.0.0.1:" + std::to_string(server_->port());
     }

@@ -4,7 +4,7 @@ import { api, artifactUrl, pageUrl, signedOut, terminalStates, type Job, type Ou
 import { follow, type Link } from '../follow';
 import { bytes, duration, fileName, percent, word } from '../format';
 import { JobModel } from '../job_model';
-import { Curves } from '../parts/curves';
+import { MainCurves, MoreCurves } from '../parts/curves';
 import { Defects, Warnings } from '../parts/defects';
 import { Histograms } from '../parts/histograms';
 import { Measures, Made } from '../parts/measures';
@@ -47,9 +47,12 @@ export function JobPage(props: { name: string }) {
                     <p>{job.failure.message}</p>
                 </div>
             )}
-            <Warnings warnings={model.warnings} />
-            <ViewPanel model={model} job={job} />
-            <Curves samples={model.samples} skipped={model.skipped} />
+            <Warnings warnings={model.warnings} told={job.result?.quality?.defects ?? []} />
+            <div class="live">
+                <ViewPanel model={model} job={job} />
+                <MainCurves samples={model.samples} skipped={model.skipped} />
+            </div>
+            <MoreCurves samples={model.samples} />
             {job.result?.quality && (
                 <>
                     <Histograms quality={job.result.quality} />

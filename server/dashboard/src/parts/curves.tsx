@@ -18,6 +18,8 @@ interface Plot {
     unit: string;
     isLog: boolean;
     range?: [number, number];
+    /** What to say before there is anything. */
+    empty?: string;
     lines: Line[];
 }
 
@@ -58,6 +60,7 @@ const plots: Plot[] = [
         unit: 'radius ratio, 1 is regular',
         isLog: false,
         range: [0, 1],
+        empty: 'Measured once the particles have become a mesh.',
         lines: [
             { label: 'mean', ink: 'ink-1', of: (s) => s.quality?.mean ?? null },
             { label: 'worst 1 %', ink: 'ink-2', of: (s) => s.quality?.first_percentile ?? null },
@@ -65,11 +68,13 @@ const plots: Plot[] = [
     },
 ];
 
-/** How the run converges, iteration by iteration. */
-export function Curves(props: { samples: Sample[]; skipped: number }) {
+const [residuals, energies, particles, quality] = plots as [Plot, Plot, Plot, Plot];
+
+/** How the run converges: what one watches, beside the view. */
+export function MainCurves(props: { samples: Sample[]; skipped: number }) {
     const { samples } = props;
     return (
-        <section aria-labelledby="curves-title">
+        <section class="main-curves" aria-labelledby="curves-title">
             <div class="section-title">
                 <h2 id="curves-title">Convergence</h2>
                 <span class="muted">
@@ -77,11 +82,18 @@ export function Curves(props: { samples: Sample[]; skipped: number }) {
                     {props.skipped > 0 && ` · ${count(props.skipped)} events left out on a slow connection`}
                 </span>
             </div>
-            <div class="curves">
-                {plots.map((plot) => (
-                    <Curve key={plot.title} plot={plot} samples={samples} />
-                ))}
-            </div>
+            <Curve plot={residuals} samples={samples} />
+            <Curve plot={quality} samples={samples} />
+        </section>
+    );
+}
+
+/** The rest of it. */
+export function MoreCurves(props: { samples: Sample[] }) {
+    return (
+        <section class="curves" aria-label="More of the convergence">
+            <Curve plot={energies} samples={props.samples} />
+            <Curve plot={particles} samples={props.samples} />
         </section>
     );
 }
@@ -110,14 +122,14 @@ function Curve(props: { plot: Plot; samples: Sample[] }) {
             {hasData ? (
                 <Canvas plot={plot} x={samples.map((sample) => sample.iteration)} lines={lines} />
             ) : (
-                <p class="nothing plot-space">Nothing yet.</p>
+                <p class="nothing plot-space">{plot.empty ?? 'Nothing yet.'}</p>
             )}
             <SampleTable plot={plot} samples={samples} />
         </figure>
     );
 }
 
-const height = 190;
+const height = 180;
 
 function Canvas(props: { plot: Plot; x: number[]; lines: (number | null)[][] }) {
     const place = useRef<HTMLDivElement>(null);
@@ -146,6 +158,7 @@ function optionsOf(plot: Plot, width: number): uPlot.Options {
         grid: { stroke: colour('line'), width: 1 },
         ticks: { show: false },
     };
+    const powers = (_u: uPlot, ticks: number[]) => ticks.map((tick) => (exponent(tick) ? tick : null));
     return {
         width,
         height,
@@ -160,6 +173,7 @@ function optionsOf(plot: Plot, width: number): uPlot.Options {
             { ...axis, size: 26 },
             {
                 ...axis,
+                ...(plot.isLog ? { filter: powers, grid: { ...axis.grid, filter: powers } } : {}),
                 size: 52,
                 values: (_u, ticks) =>
                     ticks.map((tick) => (tick === null ? '' : plot.isLog ? exponent(tick) : compact(tick))),

@@ -1,15 +1,18 @@
-import type { Quality, Warning } from '../api';
+import type { Defect, Quality, Warning } from '../api';
 import { count, number } from '../format';
 
 const readable = (code: string) => code.toLowerCase().replaceAll('_', ' ');
 
-export function Warnings(props: { warnings: Warning[] }) {
-    if (props.warnings.length === 0) {
+/** What a person should know, but for what is told as a repair further down. */
+export function Warnings(props: { warnings: Warning[]; told: Defect[] }) {
+    const told = new Set(props.told.map((defect) => defect.code));
+    const warnings = props.warnings.filter((warning) => !told.has(warning.code));
+    if (warnings.length === 0) {
         return null;
     }
     return (
         <ul class="notice warning" aria-label="Warnings">
-            {props.warnings.map((warning, i) => (
+            {warnings.map((warning, i) => (
                 <li key={i}>
                     <strong>{readable(warning.code)}</strong> {warning.message}
                 </li>

@@ -67,18 +67,29 @@ function HistogramPanel(props: { panel: Panel }) {
                 <strong>{panel.title}</strong> <small>{panel.unit}</small>
             </figcaption>
             <div class="pair">
-                {panel.before && <Bars label="before" ink="ink-before" summary={panel.before} top={top} />}
-                {panel.after && <Bars label={panel.afterLabel} ink="ink-1" summary={panel.after} top={top} />}
+                {panel.before && (
+                    <Bars label="before" ink="ink-before" summary={panel.before} top={top} width={half} />
+                )}
+                {panel.after && (
+                    <Bars
+                        label={panel.afterLabel}
+                        ink="ink-1"
+                        summary={panel.after}
+                        top={top}
+                        width={panel.before ? half : 2 * half}
+                    />
+                )}
             </div>
             <HistogramTable panel={panel} />
         </figure>
     );
 }
 
-const width = 240;
+const half = 250;
 const height = 110;
 
-function Bars(props: { label: string; ink: string; summary: Summary; top: number }) {
+function Bars(props: { label: string; ink: string; summary: Summary; top: number; width: number }) {
+    const { width } = props;
     const shares = sharesOf(props.summary.histogram);
     const low = props.summary.histogram?.low ?? 0;
     const high = props.summary.histogram?.high ?? 1;

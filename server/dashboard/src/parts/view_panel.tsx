@@ -10,6 +10,7 @@ import type { Mesh } from '../view/mesh';
 import { readPly, readStl, readVtu, unzipped, Unreadable } from '../view/read';
 import type { Clip, Content, Scene } from '../view/scene';
 
+type InputKind = 'stl' | 'ply' | null;
 type Source = 'input' | 'live' | 'result' | 'tets';
 
 const sourceLabels: Record<Source, string> = {
@@ -57,7 +58,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
               : source === 'result'
                 ? surface?.digest
                 : tets?.digest;
-    const { content, problem } = useContent(source, digest, inputKind);
+    const { content, problem } = useContent(source, digest, inputKind, job.spec.input.digest);
 
     return (
         <section class="card view" aria-labelledby="view-title">
@@ -88,28 +89,30 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                     </select>
                 </label>
                 <Scale measure={content?.kind === 'particles' ? 'plain' : measure} />
-                <label>
-                    Cut along
-                    <select
-                        value={clip.axis}
-                        onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
-                    >
-                        <option value={0}>x</option>
-                        <option value={1}>y</option>
-                        <option value={2}>z</option>
-                    </select>
-                </label>
-                <label class="slider">
-                    <span class="sr">Share that is cut away</span>
-                    <input
-                        type="range"
-                        min="0"
-                        max="1"
-                        step="0.01"
-                        value={clip.share}
-                        onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
-                    />
-                </label>
+                <span class="cut">
+                    <label>
+                        Cut along
+                        <select
+                            value={clip.axis}
+                            onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
+                        >
+                            <option value={0}>x</option>
+                            <option value={1}>y</option>
+                            <option value={2}>z</option>
+                        </select>
+                    </label>
+                    <label class="slider">
+                        <span class="sr">Share that is cut away</span>
+                        <input
+                            type="range"
+                            min="0"
+                            max="1"
+                            step="0.01"
+                            value={clip.share}
+                            onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
+                        />
+                    </label>
+                </span>
                 <label class="check">
                     <input type="checkbox" checked={hasEdges} onChange={(event) => setEdges(event.currentTarget.checked)} />
                     <span>Edges</span>
@@ -152,7 +155,7 @@ function Scale(props: { measure: Measure }) {
     );
 }
 
-function kindOfInput(job: Job): 'stl' | 'ply' | null {
+function kindOfInput(job: Job): InputKind {
     const name = (job.spec.input.file_name ?? '').toLowerCase().replace(/\.gz$/, '');
     const isSmall = Number(job.spec.input.digest?.size_bytes ?? 0) <= largestInput;
     if (!isSmall) {
@@ -166,7 +169,7 @@ function kindOfInput(job: Job): 'stl' | 'ply' | null {
 }
 
 /** What a source holds, loaded. While the next one loads, the last one stays. */
-function useContent(source: Source | undefined, digest: Digest | undefined, inputKind: 'stl' | 'ply' | null) {
+function useContent(source: Source | undefined, digest: Digest | undefined, inputKind: InputKind, input: Digest) {
     const [content, setContent] = useState<Content | null>(null);
     const [problem, setProblem] = useState('');
     const ghost = useRef<Mesh | null>(null);
@@ -182,7 +185,7 @@ function useContent(source: Source | undefined, digest: Digest | undefined, inpu
         }
         isBusy.current = true;
         loaded.current = wanted;
-        load(source, digest, inputKind, ghost)
+        load(source, digest, { kind: inputKind, digest: input }, ghost)
             .then(
                 (next) => {
                     setContent(next);
@@ -203,18 +206,29 @@ function useContent(source: Source | undefined, digest: Digest | undefined, inpu
     return { content: problem ? null : content, problem };
 }
 
+async function readInput(bytes: ArrayBuffer, kind: InputKind): Promise<Mesh> {
+    const plain = await unzipped(bytes);
+    return kind === 'stl' ? readStl(plain) : readPly(plain);
+}
+
 async function load(
     source: Source,
     digest: Digest,
-    inputKind: 'stl' | 'ply' | null,
+    input: { kind: InputKind; digest: Digest },
     ghost: { current: Mesh | null },
 ): Promise<Content> {
     const bytes = await fetchArtifact(digest);
     if (source === 'tets') {
         return { kind: 'tets', mesh: await readVtu(bytes) };
     }
-    const mesh = source === 'input' && inputKind === 'stl' ? readStl(await unzipped(bytes)) : readPly(await unzipped(bytes));
+    const mesh = source === 'input' ? await readInput(bytes, input.kind) : readPly(bytes);
     if (mesh.triangles.length === 0 && source === 'live') {
+        if (!ghost.current && input.kind) {
+            ghost.current = await fetchArtifact(input.digest).then(
+                (original) => readInput(original, input.kind),
+                () => null,
+            );
+        }
         return { kind: 'particles', mesh, ghost: ghost.current };
     }
     ghost.current = mesh;

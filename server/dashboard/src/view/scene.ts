@@ -6,6 +6,7 @@ import {
     Color,
     DirectionalLight,
     DoubleSide,
+    Fog,
     Group,
     HemisphereLight,
     Mesh as Drawn,
@@ -50,6 +51,7 @@ export class Scene {
     private readonly camera = new PerspectiveCamera(32, 1, 0.01, 1000);
     private readonly controls: OrbitControls;
     private readonly contents = new Group();
+    private readonly fog = new Fog(0);
     private readonly plane = new Plane(new Vector3(-1, 0, 0), 0);
     private content: Content | null = null;
     private faces: TetFaces | null = null;
@@ -59,22 +61,27 @@ export class Scene {
     private hasEdges = true;
     /** What edge lengths are compared with, model units. */
     private reference: number | null = null;
+    private radius = 1;
     private isFitted = false;
+    /** Whether somebody chose a view: that one stays. */
+    private isTurned = false;
     private frame = 0;
 
-    constructor(private readonly canvas: HTMLCanvasElement) {
+    constructor(canvas: HTMLCanvasElement) {
         this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
         this.renderer.outputColorSpace = SRGBColorSpace;
         this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
         this.renderer.localClippingEnabled = true;
         this.camera.up.set(0, 0, 1);
-        const light = new DirectionalLight(0xffffff, 1.6);
+        const light = new DirectionalLight(0xffffff, 2.2);
         light.position.set(-0.5, -0.4, 0.9);
         this.camera.add(light);
-        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0x8a8f98, 1.9), this.contents);
+        this.stage.fog = this.fog;
+        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0xa9adb3, 2.5), this.contents);
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = false;
         this.controls.addEventListener('change', () => this.draw());
+        this.controls.addEventListener('start', () => (this.isTurned = true));
     }
 
     show(content: Content) {
@@ -113,11 +120,15 @@ export class Scene {
         this.renderer.setSize(width, height, false);
         this.camera.aspect = width / Math.max(1, height);
         this.camera.updateProjectionMatrix();
+        if (this.content && !this.isTurned) {
+            this.fit();
+        }
         this.draw();
     }
 
     /** Turns the body, for those without a mouse. */
     turn(right: number, up: number) {
+        this.isTurned = true;
         const offset = this.camera.position.clone().sub(this.controls.target);
         offset.applyAxisAngle(new Vector3(0, 0, 1), -right * turnStep);
         const side = new Vector3().crossVectors(this.camera.up, offset).normalize();
@@ -129,18 +140,34 @@ export class Scene {
     }
 
     zoom(factor: number) {
+        this.isTurned = true;
         this.camera.position.sub(this.controls.target).multiplyScalar(factor).add(this.controls.target);
         this.controls.update();
         this.draw();
     }
 
-    /** The whole body, from a little above its front. */
+    /** The whole body, from a little above its front, as large as it fits. */
     fit() {
         const { centre, radius } = this.bounds();
+        this.radius = radius;
+        const toEye = new Vector3(0.45, -1, 0.25).normalize();
+        const right = new Vector3(0, 0, 1).cross(toEye).normalize();
+        const up = toEye.clone().cross(right);
+        const positions = this.content!.mesh.positions;
+        const tanHalf = Math.tan((this.camera.fov * Math.PI) / 360);
+        const margin = 1.08;
+        const point = new Vector3();
+        let away = 0;
+        const stride = 3 * Math.max(1, Math.floor(positions.length / 3 / 20_000));
+        for (let i = 0; i < positions.length; i += stride) {
+            point.set(positions[i]!, positions[i + 1]!, positions[i + 2]!).sub(centre);
+            const wanted = Math.max(Math.abs(point.dot(up)), Math.abs(point.dot(right)) / this.camera.aspect);
+            if (Number.isFinite(wanted)) {
+                away = Math.max(away, (margin * wanted) / tanHalf + point.dot(toEye));
+            }
+        }
         this.controls.target.copy(centre);
-        const direction = new Vector3(0.55, -1, 0.3).normalize();
-        const away = (1.05 * radius) / Math.sin((this.camera.fov * Math.PI) / 360) / Math.min(1, this.camera.aspect || 1);
-        this.camera.position.copy(centre).addScaledVector(direction, away);
+        this.camera.position.copy(centre).addScaledVector(toEye, Math.max(away, 1e-9));
         this.camera.near = radius / 100;
         this.camera.far = radius * 100;
         this.camera.updateProjectionMatrix();
@@ -160,6 +187,10 @@ export class Scene {
     draw() {
         this.frame ||= requestAnimationFrame(() => {
             this.frame = 0;
+            // Particles in front and behind are told apart by how they fade.
+            const away = this.camera.position.distanceTo(this.controls.target);
+            this.fog.near = away - 0.5 * this.radius;
+            this.fog.far = away + 0.9 * this.radius;
             this.renderer.render(this.stage, this.camera);
         });
     }
@@ -263,6 +294,7 @@ export class Scene {
             vertexColors: true,
             side: DoubleSide,
             flatShading: true,
+            fog: false,
             clippingPlanes,
             polygonOffset: true,
             polygonOffsetFactor: 1,
@@ -274,7 +306,8 @@ export class Scene {
                 color: 0x101418,
                 wireframe: true,
                 transparent: true,
-                opacity: 0.22,
+                opacity: 0.16,
+                fog: false,
                 clippingPlanes,
             });
             this.contents.add(new Drawn(geometry, lines));
@@ -291,13 +324,15 @@ export class Scene {
             const glass = new MeshLambertMaterial({
                 color: colour('surface-3d'),
                 transparent: true,
-                opacity: 0.28,
+                opacity: 0.25,
+                fog: false,
                 depthWrite: false,
                 side: DoubleSide,
                 clippingPlanes,
             });
             this.contents.add(new Drawn(geometry, glass));
         }
+        this.fog.color.set(colour('stage-bottom'));
         const geometry = new BufferGeometry();
         geometry.setAttribute('position', new BufferAttribute(content.mesh.positions, 3));
         const size = content.mesh.positions.length > 30_000 ? 2.5 : 4;
@@ -308,9 +343,5 @@ export class Scene {
     /** Colours of the style sheet changed. */
     restyle() {
         this.rebuild();
-    }
-
-    get element(): HTMLCanvasElement {
-        return this.canvas;
     }
 }
