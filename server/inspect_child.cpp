@@ -154,7 +154,8 @@ int serve_inspection(const std::string& hint) {
     };
     try {
         const std::string bytes{std::istreambuf_iterator<char>(std::cin), {}};
-        std::cout << kInspected << inspect_surface(bytes, hint).SerializeAsString() << std::flush;
+        const std::string inspection = inspect_surface(bytes, hint).SerializeAsString();
+        std::cout << kInspected << inspection << std::flush;
         return EXIT_SUCCESS;
     } catch (const Error& error) {
         return fail(error.code(), error.what());
