@@ -7,8 +7,10 @@
 #include <mutex>
 #include <utility>
 
+#include "client/error_details.h"
 #include "client/failure.h"
 #include "client/stubs.h"
+#include "client/text.h"
 
 namespace remesh::client {
 namespace {
@@ -16,12 +18,15 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Connection::Milliseconds kUnaryLimit = 30s;
+constexpr Connection::Milliseconds kInspectionLimit = 180s;
 constexpr Connection::Milliseconds kFirstContactPatience = 10s;
 constexpr Connection::Milliseconds kRestartPatience = 120s;
 constexpr Connection::Milliseconds kQuietSilence = 1s;  ///< Longer than this is worth a word.
 constexpr Connection::Milliseconds kShortestPause = 50ms;
 constexpr Connection::Milliseconds kStopInterval = 50ms;  ///< A stop takes effect within it.
 constexpr Connection::Milliseconds kLongestPause = 500ms;
+constexpr Connection::Milliseconds kLongestDelay = 30s;  ///< That a server may ask for.
+constexpr int kLookaheadBytes = 4 << 20;  ///< Of a download, on their way before they are read.
 
 bool is_port(std::string_view text) {
     return !text.empty() && text.size() <= 5 &&
@@ -34,12 +39,13 @@ void require_address(const std::string& server) {
     const bool is_host =
         colon != std::string::npos && colon > 0 && is_port(server.substr(colon + 1));
     if (!is_socket && !is_host) {
-        throw Failure(ExitCode::Usage,
-                      fmt::format("--server must be HOST:PORT or unix:PATH, got {}", server));
+        throw Failure(
+            ExitCode::Usage,
+            fmt::format("--server must be HOST:PORT or unix:PATH, got {}", sanitised(server)));
     }
 }
 
-std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
+std::shared_ptr<grpc::Channel> open_channel(const ServerSettings& server) {
     grpc::ChannelArguments arguments;
     // Hospital networks set http_proxy for browsers; a mesh server is never behind it.
     arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
@@ -47,15 +53,17 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& server) {
     // In spite of its name the time that one attempt to connect gets.
     arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 500);
-    return grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments);
+    arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookaheadBytes);
+    return grpc::CreateCustomChannel(server.address, channel_credentials(server.credentials),
+                                     arguments);
 }
 
 template <typename Stub, typename Request, typename Response>
 Response call(Connection& connection, Stub& stub,
               grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
-              const Request& request) {
+              const Request& request, Connection::Milliseconds limit = kUnaryLimit) {
     Response response;
-    connection.retry(kUnaryLimit, [&](grpc::ClientContext& context) {
+    connection.retry(limit, [&](grpc::ClientContext& context) {
         return (stub.*method)(&context, request, &response);
     });
     return response;
@@ -63,10 +71,10 @@ Response call(Connection& connection, Stub& stub,
 
 }  // namespace
 
-Connection::Connection(std::string server, std::optional<Milliseconds> patience,
-                       std::stop_token stop)
-    : server_(std::move(server)), patience_(patience), stop_(std::move(stop)) {
-    require_address(server_);
+Connection::Connection(ServerSettings server, std::stop_token stop)
+    : server_(std::move(server)), stop_(std::move(stop)) {
+    require_address(server_.address);
+    token_ = token_for(server_.address, server_.credentials);
     stubs_ = std::make_unique<Stubs>(open_channel(server_));
 }
 
@@ -85,6 +93,11 @@ v1::Job Connection::get_job(const std::string& name) {
     v1::GetJobRequest request;
     request.set_name(name);
     return call(*this, stubs_->jobs, &v1::JobService::Stub::GetJob, request);
+}
+
+v1::Inspection Connection::inspect(const v1::InspectArtifactRequest& request) {
+    return call(*this, stubs_->artifacts, &v1::ArtifactService::Stub::InspectArtifact, request,
+                kInspectionLimit);
 }
 
 v1::ListJobsResponse Connection::list_jobs(const v1::ListJobsRequest& request) {
@@ -120,24 +133,34 @@ void Connection::retry(Milliseconds limit, const Attempt& attempt) {
             throw Failure(ExitCode::Interrupted, "interrupted");
         }
         const Milliseconds patience =
-            patience_.value_or(last_contact_ ? kRestartPatience : kFirstContactPatience);
+            server_.patience.value_or(last_contact_ ? kRestartPatience : kFirstContactPatience);
         const auto silence = std::chrono::duration_cast<Milliseconds>(
             Clock::now() - std::max(start, last_contact_.value_or(start)));
-        if (status.error_code() != grpc::StatusCode::UNAVAILABLE || silence >= patience) {
-            throw to_failure(status, server_);
+        const bool is_hopeless = silence >= patience || (server_.is_gone && server_.is_gone());
+        if (status.error_code() != grpc::StatusCode::UNAVAILABLE || is_hopeless) {
+            throw to_failure(status, server_.address);
         }
         if (silence >= kQuietSilence && on_silence_ && !std::exchange(is_noted, true)) {
             on_silence_(patience);
         }
-        pause(std::min(wait, patience - silence));  // So that the last attempt ends the patience.
+        const Milliseconds asked = std::min(retry_delay(status).value_or(wait), kLongestDelay);
+        // So that the last attempt ends the patience.
+        pause(std::min(std::max(wait, asked), patience - silence));
     }
 }
 
 grpc::Status Connection::attempt_once(Milliseconds limit, const Attempt& attempt) {
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + limit);
+    prepare(context, limit);
     const std::stop_callback cancel(stop_, [&] { context.TryCancel(); });
     return attempt(context);
+}
+
+void Connection::prepare(grpc::ClientContext& context, Milliseconds limit) const {
+    context.set_deadline(std::chrono::system_clock::now() + limit);
+    if (!token_.empty()) {
+        context.AddMetadata("authorization", "Bearer " + token_);
+    }
 }
 
 void Connection::pause(Milliseconds duration) const {

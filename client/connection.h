@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "client/credentials.h"
+#include "remesh/v1/artifact.pb.h"
 #include "remesh/v1/capability.pb.h"
 #include "remesh/v1/job.pb.h"
 
@@ -20,6 +22,17 @@ namespace remesh::client {
 
 struct Stubs;
 
+/// Where a server is and how to talk to it.
+struct ServerSettings {
+    std::string address{};  ///< "HOST:PORT" or "unix:PATH".
+    Credentials credentials{};
+    /// How long a silent server is waited for; absent: a few seconds for the first contact, then
+    /// long enough for it to be restarted.
+    std::optional<std::chrono::milliseconds> patience{};
+    /// Whether waiting is pointless: asked before each pause. Empty: it never is.
+    std::function<bool()> is_gone{};
+};
+
 /// One server, and what to do while it can't be reached.
 ///
 /// Every call that answers UNAVAILABLE is tried again, with growing pauses, until the server has
@@ -30,12 +43,9 @@ public:
     using Attempt = std::function<grpc::Status(grpc::ClientContext&)>;
     using Milliseconds = std::chrono::milliseconds;
 
-    /// \param server    "HOST:PORT" or "unix:PATH"
-    /// \param patience  how long a silent server is waited for; absent: a few seconds for the first
-    ///                  contact, then long enough for it to be restarted
-    /// \param stop      ends calls and pauses at once
-    /// \throws Failure{Usage} if `server` is neither
-    Connection(std::string server, std::optional<Milliseconds> patience, std::stop_token stop);
+    /// \param stop  ends calls and pauses at once
+    /// \throws Failure{Usage} if the address is none, or the credentials can't be read or sent
+    Connection(ServerSettings server, std::stop_token stop);
     ~Connection();
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
@@ -43,6 +53,7 @@ public:
     [[nodiscard]] v1::GetCapabilitiesResponse capabilities();
     [[nodiscard]] v1::Job create_job(const v1::CreateJobRequest& request);
     [[nodiscard]] v1::Job get_job(const std::string& name);
+    [[nodiscard]] v1::Inspection inspect(const v1::InspectArtifactRequest& request);
     [[nodiscard]] v1::ListJobsResponse list_jobs(const v1::ListJobsRequest& request);
     [[nodiscard]] v1::Job cancel_job(const std::string& name);
     void delete_job(const std::string& name);
@@ -52,6 +63,9 @@ public:
     /// \param limit  longest time of one attempt
     /// \throws Failure that says why it didn't; Failure{Interrupted} if asked to stop
     void retry(Milliseconds limit, const Attempt& attempt);
+
+    /// Gives a call of one's own what every attempt gets: a deadline and the token.
+    void prepare(grpc::ClientContext& context, Milliseconds limit) const;
 
     /// Says that the server answered in the middle of an attempt, so that patience starts anew.
     void note_contact();
@@ -66,7 +80,7 @@ public:
 
     /// For streams; see client/stubs.h.
     [[nodiscard]] Stubs& stubs() { return *stubs_; }
-    [[nodiscard]] const std::string& server() const { return server_; }
+    [[nodiscard]] const std::string& server() const { return server_.address; }
 
 private:
     using Clock = std::chrono::steady_clock;
@@ -74,8 +88,8 @@ private:
     grpc::Status attempt_once(Milliseconds limit, const Attempt& attempt);
     void pause(Milliseconds duration) const;
 
-    std::string server_;
-    std::optional<Milliseconds> patience_;
+    ServerSettings server_;
+    std::string token_;
     std::stop_token stop_;
     std::function<void(Milliseconds)> on_silence_;
     std::unique_ptr<Stubs> stubs_;

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <system_error>
 
+#include "client/error_details.h"
 #include "client/text.h"
 
 namespace remesh::client {
@@ -47,7 +48,7 @@ std::string connection_trouble(const std::string& said) {
 
 Failure to_failure(const grpc::Status& status, const std::string& server) {
     const ExitCode code = exit_code_of(status.error_code());
-    const std::string said = sanitised(status.error_message());
+    const std::string said = explained(status);
     if (code == ExitCode::Unavailable) {
         return {code, fmt::format("can't reach the server at {}: {}", sanitised(server),
                                   connection_trouble(said))};

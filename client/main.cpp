@@ -8,8 +8,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <string_view>
 
 #include "client/commands/commands.h"
+#include "client/config.h"
 #include "client/text.h"
 
 namespace {
@@ -24,6 +26,20 @@ void add_global_options(CLI::App& app, Settings& settings) {
     app.add_option("--server", settings.server, "HOST:PORT or unix:PATH; absent: a private one")
         ->type_name("ADDRESS")
         ->envname("REMESH_SERVER");
+    app.add_flag("--tls", settings.credentials.tls, "Speak TLS, trusting the system's authorities");
+    app.add_option("--tls-ca", settings.credentials.ca, "PEM authorities of the server; speak TLS")
+        ->type_name("FILE")
+        ->envname("REMESH_TLS_CA");
+    app.add_option("--tls-cert", settings.credentials.cert, "PEM certificate that shows who we are")
+        ->type_name("FILE")
+        ->envname("REMESH_TLS_CERT");
+    app.add_option("--tls-key", settings.credentials.key, "PEM private key of the certificate")
+        ->type_name("FILE")
+        ->envname("REMESH_TLS_KEY");
+    app.add_option("--token-file", settings.credentials.token_file,
+                   "File with a token; without the flag REMESH_TOKEN is one, too")
+        ->type_name("FILE")
+        ->envname("REMESH_TOKEN_FILE");
     app.add_flag("--json", settings.json, "One JSON object a line on stdout");
     app.add_flag("-q,--quiet", settings.quiet, "Print errors only");
     app.add_flag_callback(
@@ -49,10 +65,23 @@ void add_commands(CLI::App& app, Action& chosen) {
     add_get(app, chosen);
     add_cancel(app, chosen);
     add_delete(app, chosen);
+    add_inspect(app, chosen);
     add_capabilities(app, chosen);
+    add_completion(app, chosen);
     app.require_subcommand(1);
     for (CLI::App* command : app.get_subcommands([](CLI::App*) { return true; })) {
         command->fallthrough();  // Global options are welcome after the command, too.
+    }
+}
+
+/// A secret is never a flag's value; the file that a flag names goes before the environment.
+void take_token(Settings& settings, int argc, char** argv) {
+    const bool names_file = std::any_of(argv, argv + argc, [](const char* word) {
+        return std::string_view(word).starts_with("--token-file");
+    });
+    const char* token = std::getenv("REMESH_TOKEN");
+    if (!names_file && token != nullptr) {
+        settings.credentials.token = token;
     }
 }
 
@@ -90,6 +119,7 @@ int main(int argc, char** argv) {
     Settings settings;
     Action action;
     add_global_options(app, settings);
+    remesh::client::add_config(app);
     add_commands(app, action);
     app.footer(
         "Examples:\n"
@@ -101,6 +131,7 @@ int main(int argc, char** argv) {
         "5 cancelled, 6 server unavailable, 7 denied or over quota, 130 interrupted.");
     try {
         app.parse(argc, argv);
+        take_token(settings, argc, argv);
     } catch (const CLI::Success& success) {  // --help and --version
         return app.exit(success);
     } catch (const CLI::ParseError& error) {

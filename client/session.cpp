@@ -4,14 +4,15 @@
 
 #include <cstdio>
 #include <unistd.h>
+#include <utility>
 
 #include "client/text.h"
 
 namespace remesh::client {
 namespace {
 
-/// A private server that doesn't answer is dead, not restarting.
-constexpr Connection::Milliseconds kPrivatePatience = std::chrono::seconds(2);
+/// A private server never restarts; it may be slow on a busy machine, and it's known when it dies.
+constexpr Connection::Milliseconds kPrivatePatience = std::chrono::seconds(20);
 
 }  // namespace
 
@@ -35,14 +36,19 @@ Connection& Session::any_server() {
 
 Connection& Session::connect(const std::string& server) {
     if (!connection_) {
-        std::optional<Connection::Milliseconds> patience;
+        ServerSettings to{server, {}, {}, {}};
         if (settings_.timeout) {
-            patience = Connection::Milliseconds(
+            to.patience = Connection::Milliseconds(
                 static_cast<Connection::Milliseconds::rep>(*settings_.timeout * 1e3));
         } else if (is_private()) {
-            patience = kPrivatePatience;
+            to.patience = kPrivatePatience;
         }
-        connection_.emplace(server, patience, interrupts_.first());
+        if (is_private()) {
+            to.is_gone = [this] { return private_server_->post_mortem().has_value(); };
+        } else {
+            to.credentials = settings_.credentials;
+        }
+        connection_.emplace(std::move(to), interrupts_.first());
         connection_->set_on_silence([this, server](Connection::Milliseconds longest) {
             note(fmt::format("waiting for the server at {}, for {} at most", sanitised(server),
                              duration_word(static_cast<double>(longest.count()) / 1e3)));

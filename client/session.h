@@ -19,6 +19,7 @@ struct Settings {
     bool quiet = false;               ///< Errors and what was asked for, nothing else.
     bool color = true;                ///< Colours on a terminal.
     std::optional<double> timeout{};  ///< Patience with a silent server, seconds.
+    Credentials credentials{};        ///< For the named server.
     PrivateServerOptions own_server{};
 };
 

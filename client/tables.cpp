@@ -193,6 +193,54 @@ std::string batch_table(const std::vector<v1::Job>& jobs) {
     return aligned(rows);
 }
 
+std::string inspection_card(const std::string& title, const v1::Inspection& inspection) {
+    std::string text = title + "\n";
+    const auto line = [&](const std::string& key, const std::string& value) {
+        text += fmt::format("  {:<12} {}\n", key, value);
+    };
+    line("format", format_word(inspection.format()));
+    line("triangles", with_thousands(inspection.triangles()));
+    line("vertices", with_thousands(inspection.vertices()));
+    line("parts", with_thousands(inspection.components()));
+    if (inspection.patches() > 0) {
+        line("patches", with_thousands(inspection.patches()));
+    }
+    if (inspection.box_min_size() == 3 && inspection.box_max_size() == 3) {
+        std::vector<std::string> sides;
+        for (int axis = 0; axis < 3; ++axis) {
+            sides.push_back(number_word(inspection.box_max(axis) - inspection.box_min(axis)));
+        }
+        const v1::Unit unit = inspection.likely_unit();
+        line("size", fmt::format("{}{}", fmt::join(sides, " x "),
+                                 unit == v1::UNIT_MILLIMETER ? ", likely mm"
+                                 : unit == v1::UNIT_METER    ? ", likely m"
+                                                             : ""));
+    }
+    line("edges", number_word(inspection.mean_edge_length()) + " on average");
+    line("suggested h", number_word(inspection.suggested_edge_length()));
+    const std::vector<std::pair<std::int64_t, const char*>> damage{
+        {inspection.boundary_loops(), "holes"},
+        {inspection.boundary_edges(), "open edges"},
+        {inspection.non_manifold_edges(), "edges with three and more triangles"},
+        {inspection.inconsistent_edges(), "edges between triangles that face opposite ways"},
+        {inspection.duplicate_triangles(), "repeated triangles"},
+        {inspection.degenerate_triangles(), "triangles without area"}};
+    bool is_sound = true;
+    for (const auto& [count, what] : damage) {
+        if (count > 0) {
+            line(is_sound ? "damage" : "", with_thousands(count) + " " + what);
+            is_sound = false;
+        }
+    }
+    if (is_sound) {
+        line("damage", "none found");
+    }
+    for (const std::string& warning : inspection.warnings()) {
+        line("warning", sanitised(warning));
+    }
+    return text;
+}
+
 std::string capabilities_card(const v1::GetCapabilitiesResponse& server) {
     std::string text = fmt::format(
         "remeshd {}, API {}\n{} worker(s) with {} thread(s) each, at most {} jobs waiting, files "

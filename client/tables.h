@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "remesh/v1/artifact.pb.h"
 #include "remesh/v1/capability.pb.h"
 #include "remesh/v1/job.pb.h"
 
@@ -19,6 +20,10 @@ namespace remesh::client {
 
 /// One finished job a row, for a batch.
 [[nodiscard]] std::string batch_table(const std::vector<v1::Job>& jobs);
+
+/// What a file holds. \param title  its name, safe to print
+[[nodiscard]] std::string inspection_card(const std::string& title,
+                                          const v1::Inspection& inspection);
 
 [[nodiscard]] std::string capabilities_card(const v1::GetCapabilitiesResponse& server);
 

@@ -20,7 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kChunkBytes = 512 * 1024;
+constexpr std::size_t kChunkBytes = 1024 * 1024;
+
+constexpr Connection::Milliseconds kQuestionLimit = std::chrono::seconds(10);
 
 /// A line slower than 100 kB/s for a whole transfer counts as broken.
 Connection::Milliseconds transfer_limit(std::int64_t bytes) {
@@ -30,6 +32,46 @@ Connection::Milliseconds transfer_limit(std::int64_t bytes) {
 Failure cannot_read(const fs::path& path) {
     const Failure reason = system_failure(fmt::format("can't read {}", path.string()));
     return {ExitCode::BadInput, reason.what()};
+}
+
+/// Where an upload that broke goes on; 0 if the server can't tell.
+std::int64_t committed(Connection& connection, const InputFile& file) {
+    grpc::ClientContext context;
+    connection.prepare(context, kQuestionLimit);
+    v1::GetUploadRequest request;
+    *request.mutable_digest() = file.digest();
+    v1::Upload upload;
+    const grpc::Status status = connection.stubs().artifacts.GetUpload(&context, request, &upload);
+    const bool is_usable = status.ok() && upload.committed_bytes() >= 0 &&
+                           upload.committed_bytes() < file.digest().size_bytes();
+    return is_usable ? upload.committed_bytes() : 0;
+}
+
+/// Sends the bytes from an offset on.
+grpc::Status send(Connection& connection, grpc::ClientContext& context, const InputFile& file,
+                  std::int64_t from) {
+    std::vector<char> buffer(kChunkBytes);
+    v1::UploadArtifactResponse response;
+    const auto stream = connection.stubs().artifacts.UploadArtifact(&context, &response);
+    v1::UploadArtifactRequest chunk;
+    *chunk.mutable_digest() = file.digest();
+    std::int64_t sent = from;
+    bool is_open = true;
+    do {
+        const std::size_t got = file.read_at(sent, buffer);
+        chunk.set_offset(sent);
+        chunk.set_data(buffer.data(), got);
+        is_open = stream->Write(chunk);  // False when the server has already answered.
+        chunk.clear_digest();
+        sent += static_cast<std::int64_t>(got);
+        if (got == 0) {
+            break;
+        }
+    } while (is_open && sent < file.digest().size_bytes());
+    if (is_open) {
+        stream->WritesDone();
+    }
+    return stream->Finish();
 }
 
 }  // namespace
@@ -92,31 +134,15 @@ std::size_t InputFile::read_at(std::int64_t offset, std::span<char> buffer) cons
 }
 
 void upload(Connection& connection, const InputFile& file) {
-    std::vector<char> buffer(kChunkBytes);
-    const std::int64_t size = file.digest().size_bytes();
-
-    connection.retry(transfer_limit(size), [&](grpc::ClientContext& context) {
-        v1::UploadArtifactResponse response;
-        const auto stream = connection.stubs().artifacts.UploadArtifact(&context, &response);
-        v1::UploadArtifactRequest chunk;
-        *chunk.mutable_digest() = file.digest();
-        std::int64_t sent = 0;
-        bool is_open = true;
-        do {
-            const std::size_t got = file.read_at(sent, buffer);
-            chunk.set_offset(sent);
-            chunk.set_data(buffer.data(), got);
-            is_open = stream->Write(chunk);  // False when the server has already answered.
-            chunk.clear_digest();
-            sent += static_cast<std::int64_t>(got);
-            if (got == 0) {
-                break;
-            }
-        } while (is_open && sent < size);
-        if (is_open) {
-            stream->WritesDone();
-        }
-        return stream->Finish();
+    bool is_first = true;
+    connection.retry(transfer_limit(file.digest().size_bytes()), [&](grpc::ClientContext& context) {
+        const bool is_resumed = !std::exchange(is_first, false);
+        const std::int64_t from = is_resumed ? committed(connection, file) : 0;
+        const grpc::Status status = send(connection, context, file, from);
+        // Somebody else moved the upload meanwhile: ask again where it stands.
+        return status.error_code() == grpc::StatusCode::OUT_OF_RANGE
+                   ? grpc::Status(grpc::StatusCode::UNAVAILABLE, status.error_message())
+                   : status;
     });
 }
 

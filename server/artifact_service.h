@@ -1,35 +1,40 @@
 #pragma once
 
-#include <cstddef>
-#include <functional>
+#include <atomic>
 
 #include "remesh/v1/artifact.grpc.pb.h"
-#include "server/executor.h"
-#include "server/store/artifact_store.h"
+#include "server/inspect.h"
+#include "server/transfer_streams.h"
 
 namespace remesh {
 
-/// Of uploads and downloads alike.
-inline constexpr std::size_t kMaxChunkBytes = std::size_t{1} << 20U;
-
-/// Bytes in and out. Each stream has one chunk in flight and does its disk work on the executor.
+/// Bytes in and out, and what they are. The tenant is the caller's.
 class ArtifactService final : public v1::ArtifactService::CallbackService {
 public:
-    using IsDraining = std::function<bool()>;
+    ArtifactService(TransferRoom room, Inspector inspector);
 
-    ArtifactService(ArtifactStore& artifacts, Executor& executor, std::int64_t max_artifact_bytes,
-                    IsDraining is_draining);
-
+    grpc::ServerUnaryReactor* FindMissingArtifacts(
+        grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
+        v1::FindMissingArtifactsResponse* reply) override;
     grpc::ServerReadReactor<v1::UploadArtifactRequest>* UploadArtifact(
         grpc::CallbackServerContext* context, v1::UploadArtifactResponse* reply) override;
+    grpc::ServerUnaryReactor* GetUpload(grpc::CallbackServerContext* context,
+                                        const v1::GetUploadRequest* request,
+                                        v1::Upload* reply) override;
     grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* DownloadArtifact(
         grpc::CallbackServerContext* context, const v1::DownloadArtifactRequest* request) override;
+    grpc::ServerUnaryReactor* InspectArtifact(grpc::CallbackServerContext* context,
+                                              const v1::InspectArtifactRequest* request,
+                                              v1::Inspection* reply) override;
 
 private:
-    ArtifactStore& artifacts_;
-    Executor& executor_;
-    const std::int64_t max_artifact_bytes_;
-    const IsDraining is_draining_;
+    v1::Inspection inspect(const std::string& tenant, const v1::InspectArtifactRequest& request);
+
+    const TransferRoom room_;
+    const Inspector inspector_;
+    // Of its own: a look at a file takes seconds, and only one is taken at a time.
+    Executor inspections_{1};
+    std::atomic<int> waiting_inspections_ = 0;
 };
 
 }  // namespace remesh

@@ -3,12 +3,15 @@
 #include <grpcpp/support/status.h>
 
 #include <exception>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "remesh/v1/capability.pb.h"
 #include "remesh/v1/job.pb.h"
+#include "server/auth/principal.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/registry.h"
 
@@ -16,17 +19,22 @@
 
 namespace remesh {
 
-/// The only tenant there is without authentication.
-inline constexpr std::string_view kDefaultTenant = "default";
+// Names. All throw JobError{BadRequest} if they are malformed.
 
-// Names. All throw JobError{BadRequest}.
-
-[[nodiscard]] JobKey job_key_of(const std::string& name);
-[[nodiscard]] std::string tenant_of(const std::string& parent);
+/// The job that a caller of `tenant` means by "tenants/{tenant}/jobs/{job}" or "{job}".
+/// \throws JobError{NotFound} for another tenant's, as for one that never was
+[[nodiscard]] JobKey job_key_of(const std::string& tenant, const std::string& name);
+/// \throws AccessError{Denied} unless `parent` is empty or "tenants/{tenant}"
+void require_own(const std::string& tenant, const std::string& parent);
 [[nodiscard]] std::string job_name(const JobKey& key);
 [[nodiscard]] std::int64_t revision_of(const std::string& etag);
 
 // Requests.
+
+/// \throws JobError{BadRequest} naming `field` unless it is 64 lower-case hexadecimal digits
+void require_sha256(const std::string& sha256, const std::string& field);
+/// What a digest names. \throws JobError{BadRequest} naming the part of `field` that is malformed
+[[nodiscard]] ArtifactId artifact_of(const v1::Digest& digest, const std::string& field);
 
 /// Checks the shape of a spec and gives the bytes that are stored: equal for equal specs.
 /// \throws JobError{BadRequest}
@@ -46,6 +54,8 @@ inline constexpr std::string_view kDefaultTenant = "default";
 [[nodiscard]] std::vector<OptionRow> option_rows(const RemeshOptions& options);
 [[nodiscard]] v1::Quality to_proto(const QualityReport& report);
 [[nodiscard]] v1::Format to_proto(MeshFormat format);
+/// Nothing for the unspecified or an unknown one.
+[[nodiscard]] std::optional<MeshFormat> to_core(v1::Format format);
 [[nodiscard]] v1::Stage to_proto(Stage stage);
 [[nodiscard]] google::protobuf::Timestamp to_proto(Time time);
 
@@ -53,6 +63,17 @@ inline constexpr std::string_view kDefaultTenant = "default";
 [[nodiscard]] std::string proto_field(const std::string& field);
 
 // Errors.
+
+/// A status that no error of the rooms below stands for.
+class StatusError : public std::exception {
+public:
+    explicit StatusError(grpc::Status status) : status_(std::move(status)) {}
+    [[nodiscard]] const grpc::Status& status() const { return status_; }
+    [[nodiscard]] const char* what() const noexcept override { return "the call failed"; }
+
+private:
+    grpc::Status status_;
+};
 
 /// What an exception of a handler means to the caller, with google.rpc details.
 [[nodiscard]] grpc::Status to_status(const std::exception_ptr& error);

@@ -10,8 +10,11 @@ namespace remesh {
 
 // grpc++ has the service but no stub for it. The messages are small enough to be written out: an
 // empty HealthCheckRequest, and a HealthCheckResponse whose field 1 is 1 for SERVING.
-bool is_serving(const std::string& address) {
-    grpc::GenericStub stub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()));
+bool is_serving(const std::string& address, const std::string& tls_ca) {
+    grpc::SslCredentialsOptions tls;
+    tls.pem_root_certs = tls_ca;
+    grpc::GenericStub stub(grpc::CreateChannel(
+        address, tls_ca.empty() ? grpc::InsecureChannelCredentials() : grpc::SslCredentials(tls)));
     grpc::ClientContext context;
     context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(3));
     const grpc::Slice nothing("");

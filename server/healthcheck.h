@@ -5,6 +5,6 @@
 namespace remesh {
 
 /// Asks a server's gRPC health service. \return whether it says SERVING within three seconds
-[[nodiscard]] bool is_serving(const std::string& address);
+[[nodiscard]] bool is_serving(const std::string& address, const std::string& tls_ca = {});
 
 }  // namespace remesh

@@ -87,7 +87,10 @@ void HttpServer::add_probes() {
         response.set_content(is_ready ? "ready\n" : "shutting down\n", "text/plain");
     });
     server_->Get("/metrics", [this](const httplib::Request& request, httplib::Response& response) {
-        if (const auto status = gateway_->check(http::token_of(request)); !status.ok()) {
+        const auto status = sources_.admit_to_metrics
+                                ? sources_.admit_to_metrics(http::token_of(request))
+                                : gateway_->check(http::token_of(request));
+        if (!status.ok()) {
             http::refuse(response, status);
             return;
         }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <grpcpp/channel.h>
+#include <grpcpp/support/status.h>
 
 #include <functional>
 #include <memory>
@@ -33,7 +34,9 @@ public:
     struct Sources {
         std::shared_ptr<grpc::Channel> api{};  ///< Where calls go, with the caller's own token.
         std::function<bool()> is_ready{};
-        std::function<std::string()> metrics{};     ///< In Prometheus' text format.
+        std::function<std::string()> metrics{};  ///< In Prometheus' text format.
+        /// Whether a token, or none, lets its bearer see the metrics, which are of all tenants.
+        std::function<grpc::Status(const std::string&)> admit_to_metrics{};
         std::function<void(int)> count_response{};  ///< Called with the status of each answer.
     };
 

@@ -1,16 +1,21 @@
 #include <CLI/CLI.hpp>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <csignal>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "server/admin.h"
+#include "server/call.h"
 #include "server/convert.h"
 #include "server/healthcheck.h"
 #include "server/http_server.h"
@@ -52,6 +57,9 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
     serve.add_option("--max-queued", server.registry.max_queued, "Jobs that may wait")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
         ->capture_default_str();
+    serve.add_option("--max-connections", server.max_connections, "More are closed as they come")
+        ->check(CLI::Range(1, 1'000'000))
+        ->capture_default_str();
     serve.add_option("--max-artifact-bytes", server.max_artifact_bytes, "Largest upload")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
@@ -69,7 +77,18 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
         ->capture_default_str();
     serve.add_flag("--reflection", server.with_reflection, "Serve gRPC reflection");
     serve.add_flag("--insecure-bind", flags.allows_any_address,
-                   "Listen beyond this machine without TLS: a proxy does it");
+                   "Listen beyond this machine without TLS and credentials: a proxy sees to both");
+    serve.add_flag("--auth", server.requires_credentials,
+                   "Every call needs a token or a client certificate (remeshd admin)");
+    auto* certificate =
+        serve.add_option("--tls-cert", server.tls.certificate, "PEM certificate chain; speak TLS");
+    auto* key = serve.add_option("--tls-key", server.tls.key, "PEM private key of the certificate");
+    certificate->needs(key);
+    key->needs(certificate);
+    serve
+        .add_option("--tls-client-ca", server.tls.client_ca,
+                    "PEM authorities that client certificates may come from")
+        ->needs(certificate);
 }
 
 void set_up_log(const std::string& level) {
@@ -88,23 +107,64 @@ void write_port(const std::filesystem::path& file, int port) {
     std::filesystem::rename(draft, file);
 }
 
-void require_loopback(const std::string& address) {
-    if (!remesh::is_loopback(address)) {
+/// Empty if there is no such file.
+std::string content_of(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// What may be reached from other machines must be private and must ask who calls.
+void require_safe(const std::string& address, bool is_safe) {
+    if (!is_safe && !remesh::is_loopback(address)) {
         throw std::runtime_error(
             address +
-            " can be reached from other machines and remeshd speaks no TLS; put a proxy before it "
-            "and say --insecure-bind, or listen on 127.0.0.1");
+            " can be reached from other machines: say --tls-cert, --tls-key and --auth; or put a "
+            "proxy before it that does both and say --insecure-bind; or listen on 127.0.0.1");
     }
+}
+
+/// A connection is a file.
+void raise_file_limit() {
+    rlimit files{};
+    if (::getrlimit(RLIMIT_NOFILE, &files) == 0) {
+        files.rlim_cur = files.rlim_max;
+        ::setrlimit(RLIMIT_NOFILE, &files);
+    }
+}
+
+remesh::HttpOptions http_options_of(const ServeFlags& flags) {
+    const bool is_local = remesh::is_loopback(flags.http);
+    remesh::HttpOptions options{.address = flags.http, .access = {.loopback_only = is_local}};
+    if (!is_local && flags.server.tls.is_on()) {
+        options.tls_certificate = flags.server.tls.certificate;
+        options.tls_key = flags.server.tls.key;
+        options.access.is_encrypted = true;
+    }
+    return options;
+}
+
+remesh::HttpServer::Sources http_sources_of(Server& server) {
+    return {.api = server.in_process_channel(),
+            .is_ready = [&server] { return server.is_ready(); },
+            .metrics = [&server] { return server.metrics().text(); },
+            .admit_to_metrics =
+                [&server](const std::string& token) {
+                    return remesh::admission(server.gate(), token, remesh::Role::Operator,
+                                             "metrics");
+                },
+            .count_response = [&server](int status) { server.metrics().count_response(status); }};
 }
 
 int serve(ServeFlags flags) {
     set_up_log(flags.log_level);
     if (!flags.allows_any_address) {
-        require_loopback(flags.server.listen);
+        require_safe(flags.server.listen,
+                     flags.server.tls.is_on() && flags.server.requires_credentials);
         if (!flags.http.empty()) {
-            require_loopback(flags.http);
+            require_safe(flags.http, flags.server.tls.is_on() && flags.server.requires_credentials);
         }
     }
+    raise_file_limit();
     // Blocked in all threads, which inherit it, and waited for below.
     sigset_t signals;
     sigemptyset(&signals);
@@ -114,18 +174,11 @@ int serve(ServeFlags flags) {
     std::signal(SIGPIPE, SIG_IGN);
 
     const remesh::RemeshEngine engine(remesh::option_rows);
+    flags.server.inspector = remesh::inspector_in_child("/proc/self/exe");
     Server server(flags.server, engine);
     std::optional<remesh::HttpServer> http;
     if (!flags.http.empty()) {
-        http.emplace(
-            remesh::HttpOptions{.address = flags.http,
-                                .access = {.loopback_only = remesh::is_loopback(flags.http)}},
-            remesh::HttpServer::Sources{
-                .api = server.in_process_channel(),
-                .is_ready = [&server] { return server.is_ready(); },
-                .metrics = [&server] { return server.metrics().text(); },
-                .count_response =
-                    [&server](int status) { server.metrics().count_response(status); }});
+        http.emplace(http_options_of(flags), http_sources_of(server));
         spdlog::info("event=serving_http address={} port={}", flags.http, http->port());
     }
     if (http && !flags.http_port_file.empty()) {
@@ -167,11 +220,29 @@ int main(int argc, char** argv) {
         app.add_subcommand("healthcheck", "Exit with 0 if a server takes calls, else with 1");
     health_command->add_option("--server", health_address, "HOST:PORT or unix:PATH")
         ->capture_default_str();
+    std::string health_ca;
+    health_command->add_option("--tls-ca", health_ca, "PEM authority of a server that speaks TLS")
+        ->check(CLI::ExistingFile);
+
+    std::function<int()> administration;
+    remesh::add_admin(app, administration);
+
+    // For `serve` itself: it looks at files in a process of its own.
+    std::string inspection_hint;
+    auto* inspect_command = app.add_subcommand("inspect-stdin", "")->group("");
+    inspect_command->add_option("--hint", inspection_hint);
 
     CLI11_PARSE(app, argc, argv);
     try {
+        if (administration) {
+            return administration();
+        }
+        if (inspect_command->parsed()) {
+            return remesh::serve_inspection(inspection_hint);
+        }
         if (health_command->parsed()) {
-            return remesh::is_serving(health_address) ? EXIT_SUCCESS : EXIT_FAILURE;
+            return remesh::is_serving(health_address, content_of(health_ca)) ? EXIT_SUCCESS
+                                                                             : EXIT_FAILURE;
         }
         if (flags.server.workers.threads == 0) {
             flags.server.workers.threads =

@@ -21,6 +21,11 @@ constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 4'096;
 constexpr int kKeepaliveMs = 60'000;
 constexpr int kMinPingIntervalMs = 10'000;
+constexpr int kHandshakeMs = 10'000;
+// A connection without a call is closed after this.
+constexpr int kMaxIdleMs = 15 * 60'000;
+// Bytes of a stream that may be on their way before they are read.
+constexpr int kLookaheadBytes = 4 << 20;
 constexpr std::size_t kMaxBufferBytes = std::size_t{512} << 20U;
 
 }  // namespace
@@ -29,18 +34,27 @@ Server::Server(const ServerOptions& options, const Engine& engine)
     : data_dir_(options.data_dir),
       store_(open_sqlite_store(data_dir_.path() / "remesh.sqlite")),
       artifacts_(data_dir_.path(), *store_),
+      uploads_(data_dir_.path()),
+      gate_(data_dir_.path(), options.requires_credentials),
       executor_(kExecutorThreads),
       registry_(*store_, artifacts_, codec_, engine, options.registry),
-      watches_(registry_, options.watches),
+      watches_(registry_, options.watches,
+               [this](const Principal& who) { return gate_.is_still_valid(who); }),
+      queue_watches_(registry_, options.watches,
+                     [this](const Principal& who) { return gate_.is_still_valid(who); }),
       metrics_(registry_, *store_, {.data_dir = options.data_dir}),
-      jobs_(registry_, artifacts_, watches_, executor_),
-      artifact_service_(artifacts_, executor_, options.max_artifact_bytes,
-                        [this] { return registry_.is_draining(); }),
-      capabilities_({options.max_artifact_bytes, options.workers.workers, options.workers.threads,
+      jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_),
+      artifact_service_({gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
+                         [this] { return registry_.is_draining(); }},
+                        options.inspector),
+      capabilities_(gate_, executor_,
+                    {options.max_artifact_bytes, options.workers.workers, options.workers.threads,
                      options.registry.max_queued}) {
     artifacts_.collect_garbage(system_now() - kOrphanAge);
+    uploads_.remove_abandoned(system_now() - kOrphanAge);
     registry_.set_listener([this](const JobKey& key) {
         watches_.notify(key);
+        queue_watches_.notify(key);
         metrics_.notify(key);
     });
     listen(options);
@@ -63,21 +77,32 @@ void Server::listen(const ServerOptions& options) {
     grpc::ServerBuilder builder;
     builder.SetResourceQuota(quota);
     builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
-    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
     builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, kMaxMetadataBytes);
     builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxStreamsPerConnection);
     builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
     builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
                                kMinPingIntervalMs);
     builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-    builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port_);
+    builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
+    builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kMaxIdleMs);
+    builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookaheadBytes);
+    acceptor_ = std::make_unique<Acceptor>(options.listen, options.max_connections);
+    door_ = builder.experimental().AddExternalConnectionAcceptor(
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+        server_credentials(options.tls));
     builder.RegisterService(&jobs_);
     builder.RegisterService(&artifact_service_);
     builder.RegisterService(&capabilities_);
     server_ = builder.BuildAndStart();
-    if (!server_ || port_ == 0) {
-        throw std::runtime_error("can't listen on " + options.listen);
+    if (!server_) {
+        throw std::runtime_error("can't serve on " + options.listen);
     }
+    acceptor_->start([this](int listener, int connection) {
+        grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+        parameters.listener_fd = listener;
+        parameters.fd = connection;
+        door_->HandleNewConnection(&parameters);
+    });
 }
 
 std::shared_ptr<grpc::Channel> Server::in_process_channel() {
@@ -96,6 +121,8 @@ bool Server::shut_down(std::chrono::milliseconds grace) {
         registry_.surrender();
     }
     watches_.close();
+    queue_watches_.close();
+    acceptor_->stop();
     server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(1));
     server_->Wait();
     if (is_idle) {

@@ -5,19 +5,27 @@
 #include <memory>
 #include <string>
 
+#include "server/acceptor.h"
 #include "server/artifact_service.h"
+#include "server/auth/gate.h"
 #include "server/convert.h"
 #include "server/executor.h"
 #include "server/jobs/worker_pool.h"
 #include "server/metrics.h"
+#include "server/partial_uploads.h"
+#include "server/queue_watch.h"
 #include "server/service.h"
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
+#include "server/tls.h"
 #include "server/watch_stream.h"
 
 namespace grpc {
 class Channel;
 class Server;
+namespace experimental {
+class ExternalConnectionAcceptor;
+}
 }  // namespace grpc
 
 namespace remesh {
@@ -26,7 +34,12 @@ struct ServerOptions {
     std::filesystem::path data_dir{};
     std::string listen = "127.0.0.1:50051";  ///< HOST:PORT, port 0 for any, or unix:PATH.
     bool with_reflection = false;
+    bool requires_credentials = false;  ///< Every call but health checks needs a token or a
+                                        ///< client certificate that is let in.
+    TlsOptions tls{};
+    int max_connections = 2'000;  ///< More are closed as they come.
     std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
+    Inspector inspector = inspect_surface;
     RegistryOptions registry{};
     WorkerOptions workers{};
     WatchOptions watches{};
@@ -43,8 +56,10 @@ public:
     /// Shuts down if that wasn't done.
     ~Server();
 
+    /// Lets callers in; for those who come by HTTP, too.
+    [[nodiscard]] Gate& gate() { return gate_; }
     /// Chosen port; 1 for a Unix socket.
-    [[nodiscard]] int port() const { return port_; }
+    [[nodiscard]] int port() const { return acceptor_->port(); }
     [[nodiscard]] bool is_ready() const;
     /// To the same services as the port, for what in this process speaks for callers.
     [[nodiscard]] std::shared_ptr<grpc::Channel> in_process_channel();
@@ -62,15 +77,19 @@ private:
     DataDir data_dir_;
     std::unique_ptr<JobStore> store_;
     ArtifactStore artifacts_;
+    PartialUploads uploads_;
+    Gate gate_;
     ProtoCodec codec_;
     Executor executor_;
     JobRegistry registry_;
     WatchHub watches_;
+    QueueHub queue_watches_;
     Metrics metrics_;
     JobService jobs_;
     ArtifactService artifact_service_;
     CapabilityService capabilities_;
-    int port_ = 0;
+    std::unique_ptr<Acceptor> acceptor_;
+    std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> door_;
     std::unique_ptr<grpc::Server> server_;
     std::unique_ptr<WorkerPool> workers_;
 };

@@ -1,10 +1,10 @@
 #include "server/service.h"
 
 #include <charconv>
-#include <exception>
 #include <utility>
 
 #include "server/artifact_service.h"
+#include "server/call.h"
 #include "server/convert.h"
 #include "server/version.h"
 
@@ -15,22 +15,15 @@ constexpr std::int32_t kDefaultPageSize = 100;
 constexpr std::int32_t kMaxPageSize = 1'000;
 constexpr std::size_t kMaxRequestId = 128;
 
-/// Runs `handler` where it may block and finishes the call with what it returns or throws.
-template <typename Handler>
-grpc::ServerUnaryReactor* finish_with(grpc::CallbackServerContext* context, Executor& executor,
-                                      Handler handler) {
-    auto* reactor = context->DefaultReactor();
-    executor.post([reactor, handler = std::move(handler)] {
-        grpc::Status status;
-        try {
-            handler();
-        } catch (...) {
-            status = to_status(std::current_exception());
-        }
-        reactor->Finish(status);
-    });
-    return reactor;
-}
+// The rules of this service, a line a method.
+constexpr Rule kCreate{"CreateJob", Role::User, true};
+constexpr Rule kGet{"GetJob", Role::Viewer, false};
+constexpr Rule kList{"ListJobs", Role::Viewer, false};
+constexpr Rule kWatch{"WatchJob", Role::Viewer, false};
+constexpr Rule kWatchQueue{"WatchQueue", Role::Viewer, false};
+constexpr Rule kCancel{"CancelJob", Role::User, true};
+constexpr Rule kDelete{"DeleteJob", Role::User, true};
+constexpr Rule kCapabilities{"GetCapabilities", Role::Viewer, false};
 
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
     throw JobError({FieldProblem{field, field + " " + message}});
@@ -47,17 +40,22 @@ std::int64_t page_of(const std::string& token) {
 
 }  // namespace
 
-JobService::JobService(JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
-                       Executor& executor)
-    : registry_(registry), artifacts_(artifacts), watches_(watches), executor_(executor) {}
+JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts,
+                       WatchHub& watches, QueueHub& queue_watches, Executor& executor)
+    : gate_(gate),
+      registry_(registry),
+      artifacts_(artifacts),
+      watches_(watches),
+      queue_watches_(queue_watches),
+      executor_(executor) {}
 
-v1::Job JobService::create(const v1::CreateJobRequest& request) {
+v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest& request) {
     if (request.request_id().size() > kMaxRequestId) {
         refuse("request_id", "must have at most 128 characters, got " +
                                  std::to_string(request.request_id().size()));
     }
-    JobRegistry::Submission submission{
-        tenant_of(request.parent()), request.request_id(), {}, request.validate_only()};
+    require_own(tenant, request.parent());
+    JobRegistry::Submission submission{tenant, request.request_id(), {}, request.validate_only()};
     v1::JobSpec spec = request.spec();
     auto* digest = spec.mutable_input()->mutable_digest();
     if (const auto known = artifacts_.find(submission.tenant, digest->sha256())) {
@@ -85,23 +83,29 @@ v1::Job JobService::create(const v1::CreateJobRequest& request) {
 grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* context,
                                                 const v1::CreateJobRequest* request,
                                                 v1::Job* reply) {
-    return finish_with(context, executor_, [=, this] { *reply = create(*request); });
+    return answer(gate_, executor_, context, kCreate,
+                  [=, this](const Principal& who, std::string& subject) {
+                      *reply = create(who.tenant, *request);
+                      subject = reply->name();
+                  });
 }
 
 grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* context,
                                              const v1::GetJobRequest* request, v1::Job* reply) {
-    return finish_with(context, executor_, [=, this] {
-        *reply = to_proto(registry_.get(job_key_of(request->name())));
+    return answer(gate_, executor_, context, kGet, [=, this](const Principal& who, std::string&) {
+        *reply = to_proto(registry_.get(job_key_of(who.tenant, request->name())));
     });
 }
 
-v1::ListJobsResponse JobService::list(const v1::ListJobsRequest& request) {
+v1::ListJobsResponse JobService::list(const std::string& tenant,
+                                      const v1::ListJobsRequest& request) {
+    require_own(tenant, request.parent());
     if (request.page_size() < 0 || request.page_size() > kMaxPageSize) {
         refuse("page_size", "must be in [0, 1000], got " + std::to_string(request.page_size()));
     }
     const auto size =
         static_cast<std::size_t>(request.page_size() == 0 ? kDefaultPageSize : request.page_size());
-    ListQuery query{tenant_of(request.parent())};
+    ListQuery query{tenant};
     for (const int state : request.states()) {
         query.states.push_back(to_core(static_cast<v1::Job::State>(state)));
     }
@@ -124,33 +128,60 @@ v1::ListJobsResponse JobService::list(const v1::ListJobsRequest& request) {
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* context,
                                                const v1::ListJobsRequest* request,
                                                v1::ListJobsResponse* reply) {
-    return finish_with(context, executor_, [=, this] { *reply = list(*request); });
+    return answer(gate_, executor_, context, kList, [=, this](const Principal& who, std::string&) {
+        *reply = list(who.tenant, *request);
+    });
 }
 
-grpc::ServerWriteReactor<v1::JobEvent>* JobService::WatchJob(grpc::CallbackServerContext*,
+grpc::ServerWriteReactor<v1::JobEvent>* JobService::WatchJob(grpc::CallbackServerContext* context,
                                                              const v1::WatchJobRequest* request) {
-    return watches_.open(*request);
+    return watches_.open(executor_, [=, this, request = *request](WatchTarget& target) {
+        return guarded(gate_, *context, kWatch, [&](const Principal& who, std::string&) {
+            target = {who, job_key_of(who.tenant, request.name()), request.after_sequence()};
+            if (target.after < 0) {
+                refuse("after_sequence", "must be >= 0, got " + std::to_string(target.after));
+            }
+        });
+    });
+}
+
+grpc::ServerWriteReactor<v1::QueueEvent>* JobService::WatchQueue(
+    grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) {
+    return queue_watches_.open(executor_, [=, this, request = *request](Principal& caller) {
+        return guarded(gate_, *context, kWatchQueue, [&](const Principal& who, std::string&) {
+            require_own(who.tenant, request.parent());
+            caller = who;
+        });
+    });
 }
 
 grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* context,
                                                 const v1::CancelJobRequest* request,
                                                 v1::Job* reply) {
-    return finish_with(context, executor_, [=, this] {
-        *reply = to_proto(registry_.cancel(job_key_of(request->name())));
-    });
+    return answer(gate_, executor_, context, kCancel,
+                  [=, this](const Principal& who, std::string& subject) {
+                      const JobKey key = job_key_of(who.tenant, request->name());
+                      subject = job_name(key);
+                      *reply = to_proto(registry_.cancel(key));
+                  });
 }
 
 grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* context,
                                                 const v1::DeleteJobRequest* request,
                                                 v1::DeleteJobResponse*) {
-    return finish_with(context, executor_, [=, this] {
-        const auto revision =
-            request->etag().empty() ? std::nullopt : std::optional(revision_of(request->etag()));
-        registry_.remove(job_key_of(request->name()), revision);
-    });
+    return answer(gate_, executor_, context, kDelete,
+                  [=, this](const Principal& who, std::string& subject) {
+                      const auto revision = request->etag().empty()
+                                                ? std::nullopt
+                                                : std::optional(revision_of(request->etag()));
+                      const JobKey key = job_key_of(who.tenant, request->name());
+                      subject = job_name(key);
+                      registry_.remove(key, revision);
+                  });
 }
 
-CapabilityService::CapabilityService(const ServerLimits& limits) {
+CapabilityService::CapabilityService(Gate& gate, Executor& executor, const ServerLimits& limits)
+    : gate_(gate), executor_(executor) {
     capabilities_.set_server_version(kVersion);
     capabilities_.set_api_version("v1");
     for (const MeshFormat format :
@@ -175,10 +206,8 @@ CapabilityService::CapabilityService(const ServerLimits& limits) {
 grpc::ServerUnaryReactor* CapabilityService::GetCapabilities(grpc::CallbackServerContext* context,
                                                              const v1::GetCapabilitiesRequest*,
                                                              v1::GetCapabilitiesResponse* reply) {
-    *reply = capabilities_;
-    auto* reactor = context->DefaultReactor();
-    reactor->Finish(grpc::Status::OK);
-    return reactor;
+    return answer(gate_, executor_, context, kCapabilities,
+                  [=, this](const Principal&, std::string&) { *reply = capabilities_; });
 }
 
 }  // namespace remesh

@@ -4,17 +4,19 @@
 
 #include "remesh/v1/capability.grpc.pb.h"
 #include "remesh/v1/job.grpc.pb.h"
+#include "server/auth/gate.h"
 #include "server/executor.h"
 #include "server/jobs/registry.h"
+#include "server/queue_watch.h"
 #include "server/watch_stream.h"
 
 namespace remesh {
 
-/// Converts, calls the registry, converts back.
+/// Lets the caller in, converts, calls the registry, converts back. The tenant is the caller's.
 class JobService final : public v1::JobService::CallbackService {
 public:
-    JobService(JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
-               Executor& executor);
+    JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
+               QueueHub& queue_watches, Executor& executor);
 
     grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
                                         const v1::CreateJobRequest* request,
@@ -26,6 +28,8 @@ public:
                                        v1::ListJobsResponse* reply) override;
     grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* context,
                                                      const v1::WatchJobRequest* request) override;
+    grpc::ServerWriteReactor<v1::QueueEvent>* WatchQueue(
+        grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) override;
     grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
                                         const v1::CancelJobRequest* request,
                                         v1::Job* reply) override;
@@ -34,12 +38,14 @@ public:
                                         v1::DeleteJobResponse* reply) override;
 
 private:
-    v1::Job create(const v1::CreateJobRequest& request);
-    v1::ListJobsResponse list(const v1::ListJobsRequest& request);
+    v1::Job create(const std::string& tenant, const v1::CreateJobRequest& request);
+    v1::ListJobsResponse list(const std::string& tenant, const v1::ListJobsRequest& request);
 
+    Gate& gate_;
     JobRegistry& registry_;
     ArtifactStore& artifacts_;
     WatchHub& watches_;
+    QueueHub& queue_watches_;
     Executor& executor_;
 };
 
@@ -53,13 +59,15 @@ struct ServerLimits {
 
 class CapabilityService final : public v1::CapabilityService::CallbackService {
 public:
-    explicit CapabilityService(const ServerLimits& limits);
+    CapabilityService(Gate& gate, Executor& executor, const ServerLimits& limits);
 
     grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
                                               const v1::GetCapabilitiesRequest* request,
                                               v1::GetCapabilitiesResponse* reply) override;
 
 private:
+    Gate& gate_;
+    Executor& executor_;
     v1::GetCapabilitiesResponse capabilities_;
 };
 

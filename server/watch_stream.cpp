@@ -19,20 +19,12 @@ bool can_be_skipped(EventKind kind) {
     return kind == EventKind::Progress || kind == EventKind::Sample || kind == EventKind::Preview;
 }
 
-/// A call that ends before it begins.
-class RefusedWatch final : public grpc::ServerWriteReactor<v1::JobEvent> {
-public:
-    explicit RefusedWatch(const grpc::Status& status) { Finish(status); }
-    void OnDone() override { delete this; }
-};
-
 }  // namespace
 
 /// One call. gRPC's callbacks only set flags under the hub's mutex; all else is the hub's thread's.
 class WatchStream final : public grpc::ServerWriteReactor<v1::JobEvent> {
 public:
-    WatchStream(WatchHub& hub, JobKey key, std::int64_t after, std::int64_t history)
-        : hub_(hub), key_(std::move(key)), after_(after), history_(history) {}
+    explicit WatchStream(WatchHub& hub) : hub_(hub) {}
 
     void OnWriteDone(bool ok) override {
         {
@@ -59,20 +51,22 @@ private:
     void take_batch(JobRegistry& registry, std::int64_t last_sequence, std::int64_t max_backlog);
 
     WatchHub& hub_;
-    const JobKey key_;
 
+    JobKey key_{};             // needs hub_.mutex_ until the stream has started
     bool is_writing_ = false;  // needs hub_.mutex_
     bool is_gone_ = false;     // needs hub_.mutex_
 
-    // the hub's thread only
-    bool is_open_ = false;        // the snapshot that opens the stream was sent
-    bool is_complete_ = false;    // the last message was sent
-    std::int64_t after_;          // last sequence that was sent or skipped
-    const std::int64_t history_;  // sequences up to this one are sent in full
-    std::int64_t skipped_ = 0;    // since the last message
+    // the hub's thread only, once the stream has started
+    Principal who_{};
+    bool is_open_ = false;      // the snapshot that opens the stream was sent
+    bool is_complete_ = false;  // the last message was sent
+    std::int64_t after_ = 0;    // last sequence that was sent or skipped
+    std::int64_t history_ = 0;  // sequences up to this one are sent in full
+    std::int64_t skipped_ = 0;  // since the last message
     std::deque<StoredEvent> batch_;
     v1::JobEvent message_;
     SteadyTime last_write_ = std::chrono::steady_clock::now();
+    SteadyTime last_check_ = last_write_;  // whether the caller may still watch
 };
 
 std::optional<v1::JobEvent> WatchStream::next(JobRegistry& registry, std::int64_t max_backlog) {
@@ -135,41 +129,53 @@ void WatchStream::take_batch(JobRegistry& registry, std::int64_t last_sequence,
     batch_ = std::move(kept);
 }
 
-WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options)
-    : registry_(registry), options_(options) {
+WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid)
+    : registry_(registry), options_(options), is_still_valid_(std::move(is_still_valid)) {
     thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
 }
 
 WatchHub::~WatchHub() = default;
 
-grpc::ServerWriteReactor<v1::JobEvent>* WatchHub::open(const v1::WatchJobRequest& request) {
-    try {
-        const JobKey key = job_key_of(request.name());
-        if (request.after_sequence() < 0) {
-            throw JobError(
-                {FieldProblem{"after_sequence", "after_sequence must be >= 0, got " +
-                                                    std::to_string(request.after_sequence())}});
+// Until it has started, a stream is the executor's alone.
+grpc::ServerWriteReactor<v1::JobEvent>* WatchHub::open(Executor& executor, Admission admission) {
+    auto* stream = new WatchStream(*this);
+    executor.post([this, stream, admission = std::move(admission)] {
+        WatchTarget target;
+        grpc::Status status = admission(target);
+        if (status.ok()) {
+            try {
+                status = start(*stream, target);
+            } catch (const std::exception&) {
+                status = to_status(std::current_exception());
+            }
         }
-        const JobView view = registry_.get(key);
-        std::unique_lock lock(mutex_);
+        if (!status.ok()) {
+            stream->Finish(status);
+        }
+    });
+    return stream;
+}
+
+grpc::Status WatchHub::start(WatchStream& stream, const WatchTarget& target) {
+    const JobView view = registry_.get(target.key);
+    {
+        const std::scoped_lock lock(mutex_);
         if (is_closed_) {
-            return new RefusedWatch(shutting_down_status());
+            return shutting_down_status();
         }
         if (count_ >= options_.max_watches) {
-            return new RefusedWatch(too_many_status(
-                "watches",
-                "at most " + std::to_string(options_.max_watches) + " watches are open at a time"));
+            return too_many_status("watches", "at most " + std::to_string(options_.max_watches) +
+                                                  " watches are open at a time");
         }
         ++count_;
-        auto* stream =
-            new WatchStream(*this, key, request.after_sequence(), view.job.last_sequence);
-        streams_[key].insert(stream);
-        lock.unlock();
-        wake(stream);
-        return stream;
-    } catch (const std::exception&) {
-        return new RefusedWatch(to_status(std::current_exception()));
+        stream.key_ = target.key;
+        stream.who_ = target.who;
+        stream.after_ = target.after;
+        stream.history_ = view.job.last_sequence;
+        streams_[target.key].insert(&stream);
     }
+    wake(&stream);
+    return grpc::Status::OK;
 }
 
 void WatchHub::notify(const JobKey& key) {
@@ -245,6 +251,13 @@ void WatchHub::feed(WatchStream& stream) {
         }
     }
     const auto now = std::chrono::steady_clock::now();
+    if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
+        stream.last_check_ = now;
+        if (!is_still_valid_(stream.who_)) {
+            end = to_status(std::make_exception_ptr(AccessError(
+                AccessErrorCode::Unauthenticated, "the credential isn't valid any more")));
+        }
+    }
     if (!end && !message && stream.is_complete_) {
         end = grpc::Status::OK;
     }

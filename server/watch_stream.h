@@ -5,6 +5,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <set>
@@ -12,6 +13,8 @@
 #include <thread>
 
 #include "remesh/v1/job.pb.h"
+#include "server/auth/principal.h"
+#include "server/executor.h"
 #include "server/jobs/registry.h"
 
 namespace remesh {
@@ -20,6 +23,13 @@ struct WatchOptions {
     std::size_t max_watches = 2'000;              ///< More are refused.
     std::chrono::milliseconds heartbeat{15'000};  ///< Longest silence of a stream.
     std::int64_t max_backlog = 64;  ///< A reader further behind than this gets thinned samples.
+};
+
+/// What a stream was opened for.
+struct WatchTarget {
+    Principal who{};
+    JobKey key{};
+    std::int64_t after = 0;  ///< Only events after this sequence, >= 0.
 };
 
 class WatchStream;
@@ -32,13 +42,19 @@ class WatchStream;
 /// progress, sample and preview, and is told how many were left out.
 class WatchHub {
 public:
-    WatchHub(JobRegistry& registry, const WatchOptions& options);
+    /// Says what may be watched, or why nothing may; may block.
+    using Admission = std::function<grpc::Status(WatchTarget&)>;
+    /// Whether somebody who was let in still would be.
+    using IsStillValid = std::function<bool(const Principal&)>;
+
+    WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid = {});
     WatchHub(const WatchHub&) = delete;
     WatchHub& operator=(const WatchHub&) = delete;
     ~WatchHub();
 
-    /// Opens a stream for one call. The reactor deletes itself when the call is over.
-    grpc::ServerWriteReactor<v1::JobEvent>* open(const v1::WatchJobRequest& request);
+    /// Opens a stream for one call, once `admission` on the executor lets it. The reactor deletes
+    /// itself when the call is over.
+    grpc::ServerWriteReactor<v1::JobEvent>* open(Executor& executor, Admission admission);
     /// Something changed about a job. Never blocks.
     void notify(const JobKey& key);
     /// Ends all streams, present and future, with UNAVAILABLE.
@@ -47,12 +63,15 @@ public:
 private:
     friend class WatchStream;
 
+    /// \throws JobError{NotFound}
+    [[nodiscard]] grpc::Status start(WatchStream& stream, const WatchTarget& target);
     void wake(WatchStream* stream);
     void run(std::stop_token stop);
     void feed(WatchStream& stream);
 
     JobRegistry& registry_;
     const WatchOptions options_;
+    const IsStillValid is_still_valid_;
 
     std::mutex mutex_;
     std::condition_variable_any changed_;

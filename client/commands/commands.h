@@ -21,6 +21,9 @@ void add_show(CLI::App& app, Action& chosen);
 void add_get(CLI::App& app, Action& chosen);
 void add_cancel(CLI::App& app, Action& chosen);
 void add_delete(CLI::App& app, Action& chosen);
+void add_inspect(CLI::App& app, Action& chosen);
 void add_capabilities(CLI::App& app, Action& chosen);
+/// To be added last: it completes what `app` has by then.
+void add_completion(CLI::App& app, Action& chosen);
 
 }  // namespace remesh::client

@@ -1,6 +1,9 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -19,20 +22,40 @@ struct WatchArguments {
     std::int64_t after = 0;
 };
 
+/// Says how to go on after Ctrl-C.
+v1::Job follow_or_leave(const WatchArguments& arguments, Session& session,
+                        const std::function<void(const v1::JobEvent&)>& on_event) {
+    Connection& server = session.named_server();
+    std::int64_t seen = arguments.after;
+    try {
+        return follow(server, arguments.name, arguments.after, [&](const v1::JobEvent& event) {
+            seen = std::max(seen, event.sequence());
+            on_event(event);
+        });
+    } catch (const Failure& failure) {
+        if (failure.code() != ExitCode::Interrupted) {
+            throw;
+        }
+        throw Failure(ExitCode::Interrupted,
+                      fmt::format("left the job to itself; follow it again with\n"
+                                  "  remesh --server {} watch {} --after {}",
+                                  sanitised(server.server()), sanitised(arguments.name), seen));
+    }
+}
+
 ExitCode watch(const WatchArguments& arguments, Session& session) {
     const bool is_json = session.settings().json;
     ProgressBar progress("", session.settings());
-    const v1::Job job = follow(
-        session.named_server(), arguments.name, arguments.after, [&](const v1::JobEvent& event) {
-            if (is_json) {
-                fmt::print("{}\n", json_line(event));
-                std::fflush(stdout);
-            } else if (event.has_warning()) {
-                progress.clear();
-                session.note("warning: " + sanitised(event.warning().message()));
-            }
-            progress.apply(event);
-        });
+    const v1::Job job = follow_or_leave(arguments, session, [&](const v1::JobEvent& event) {
+        if (is_json) {
+            fmt::print("{}\n", json_line(event));
+            std::fflush(stdout);
+        } else if (event.has_warning()) {
+            progress.clear();
+            session.note("warning: " + sanitised(event.warning().message()));
+        }
+        progress.apply(event);
+    });
     progress.clear();
     if (!is_json && !session.settings().quiet) {
         fmt::print("{}", job_card(job));

@@ -27,12 +27,6 @@ constexpr std::array<std::pair<MeshFormat, v1::Format>, 11> kFormats{{
     {MeshFormat::Msh22, v1::FORMAT_MSH22},
 }};
 
-std::optional<MeshFormat> to_core(v1::Format format) {
-    const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
-                                     [&](const auto& pair) { return pair.second == format; });
-    return found == kFormats.end() ? std::nullopt : std::optional(found->first);
-}
-
 v1::Job::State to_proto(JobState state) {
     switch (state) {
         case JobState::Queued: return v1::Job::STATE_QUEUED;
@@ -134,12 +128,6 @@ v1::JobSpec parse_spec(std::string_view bytes) {
     return spec;
 }
 
-bool is_id(std::string_view text) {
-    return !text.empty() && text.size() <= 64 && std::all_of(text.begin(), text.end(), [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
-    });
-}
-
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
     throw JobError({FieldProblem{field, field + " " + message}});
 }
@@ -190,27 +178,55 @@ std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
 
 }  // namespace
 
-JobKey job_key_of(const std::string& name) {
+std::optional<MeshFormat> to_core(v1::Format format) {
+    const auto* found = std::find_if(kFormats.begin(), kFormats.end(),
+                                     [&](const auto& pair) { return pair.second == format; });
+    return found == kFormats.end() ? std::nullopt : std::optional(found->first);
+}
+
+void require_sha256(const std::string& sha256, const std::string& field) {
+    if (!is_sha256(sha256)) {
+        refuse(field, "must be 64 lower-case hexadecimal digits");
+    }
+}
+
+ArtifactId artifact_of(const v1::Digest& digest, const std::string& field) {
+    require_sha256(digest.sha256(), field + ".sha256");
+    if (digest.size_bytes() < 0) {
+        refuse(field + ".size_bytes", "must be >= 0, got " + std::to_string(digest.size_bytes()));
+    }
+    return {digest.sha256(), digest.size_bytes()};
+}
+
+JobKey job_key_of(const std::string& tenant, const std::string& name) {
+    if (is_name(name)) {
+        return {tenant, name};
+    }
     const std::string_view text = name;
     const auto jobs = text.find("/jobs/");
     if (text.starts_with("tenants/") && jobs != std::string_view::npos) {
-        const auto tenant = text.substr(8, jobs - 8);
+        const auto owner = text.substr(8, jobs - 8);
         const auto id = text.substr(jobs + 6);
-        if (is_id(tenant) && is_id(id)) {
-            return {std::string(tenant), std::string(id)};
+        if (is_name(owner) && is_name(id)) {
+            if (owner != tenant) {
+                throw JobError(JobErrorCode::NotFound, "there is no such job", std::string(id));
+            }
+            return {tenant, std::string(id)};
         }
     }
-    refuse("name", "must be \"tenants/{tenant}/jobs/{job}\"");
+    refuse("name", "must be \"tenants/{tenant}/jobs/{job}\" or \"{job}\"");
 }
 
-std::string tenant_of(const std::string& parent) {
+void require_own(const std::string& tenant, const std::string& parent) {
     if (parent.empty()) {
-        return std::string(kDefaultTenant);
+        return;
     }
-    if (!parent.starts_with("tenants/") || !is_id(std::string_view(parent).substr(8))) {
+    if (!parent.starts_with("tenants/") || !is_name(std::string_view(parent).substr(8))) {
         refuse("parent", "must be \"tenants/{tenant}\" or empty");
     }
-    return parent.substr(8);
+    if (parent.substr(8) != tenant) {
+        throw AccessError(AccessErrorCode::Denied, "parent must be the caller's own tenant");
+    }
 }
 
 std::string job_name(const JobKey& key) {

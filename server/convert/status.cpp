@@ -87,6 +87,19 @@ grpc::Status status_of(const JobError& error) {
     return {grpc::StatusCode::INTERNAL, "unknown error"};
 }
 
+grpc::Status status_of(const AccessError& error) {
+    switch (error.code()) {
+        case AccessErrorCode::Unauthenticated:
+            return StatusBuilder(grpc::StatusCode::UNAUTHENTICATED, error.what(),
+                                 "CREDENTIAL_NEEDED")
+                .build();
+        case AccessErrorCode::Denied:
+            return StatusBuilder(grpc::StatusCode::PERMISSION_DENIED, error.what(), "NOT_ALLOWED")
+                .build();
+    }
+    return {grpc::StatusCode::INTERNAL, "unknown error"};
+}
+
 std::pair<grpc::StatusCode, const char*> code_of(ErrorCode code) {
     switch (code) {
         case ErrorCode::InvalidInput: return {grpc::StatusCode::INVALID_ARGUMENT, "INVALID_INPUT"};
@@ -106,6 +119,10 @@ grpc::Status to_status(const std::exception_ptr& error) {
         std::rethrow_exception(error);
     } catch (const JobError& job_error) {
         return status_of(job_error);
+    } catch (const StatusError& status_error) {
+        return status_error.status();
+    } catch (const AccessError& access_error) {
+        return status_of(access_error);
     } catch (const Error& core_error) {
         const auto [code, reason] = code_of(core_error.code());
         return StatusBuilder(code, core_error.what(), reason).build();

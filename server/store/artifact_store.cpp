@@ -42,6 +42,9 @@ ArtifactDraft::ArtifactDraft(std::string tenant, fs::path path)
     }
 }
 
+ArtifactDraft::ArtifactDraft(std::string tenant, fs::path path, ArtifactId id)
+    : tenant_(std::move(tenant)), path_(std::move(path)), id_(std::move(id)) {}
+
 ArtifactDraft::ArtifactDraft(ArtifactDraft&& other) noexcept
     : tenant_(std::move(other.tenant_)),
       path_(std::exchange(other.path_, {})),
@@ -95,6 +98,12 @@ ArtifactDraft ArtifactStore::draft(const std::string& tenant) {
     const fs::path directory = directory_of(data_dir_, tenant);
     fs::create_directories(directory);
     return {tenant, directory / (std::string(kDraftPrefix) + random_hex(16))};
+}
+
+ArtifactDraft ArtifactStore::adopt(const std::string& tenant, const fs::path& file,
+                                   const ArtifactId& artifact) {
+    fs::create_directories(directory_of(data_dir_, tenant));
+    return {tenant, file, artifact};
 }
 
 void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,

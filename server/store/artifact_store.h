@@ -32,6 +32,8 @@ public:
 private:
     friend class ArtifactStore;
     ArtifactDraft(std::string tenant, std::filesystem::path path);
+    /// A finished one, of a file that is there.
+    ArtifactDraft(std::string tenant, std::filesystem::path path, ArtifactId id);
 
     std::string tenant_;
     std::filesystem::path path_;
@@ -67,6 +69,10 @@ public:
     ArtifactStore(std::filesystem::path data_dir, JobStore& store);
 
     [[nodiscard]] ArtifactDraft draft(const std::string& tenant);
+    /// Makes a finished draft of a file of the data directory that was written and synced
+    /// elsewhere, and now is the draft's.
+    [[nodiscard]] ArtifactDraft adopt(const std::string& tenant, const std::filesystem::path& file,
+                                      const ArtifactId& artifact);
     /// Puts finished drafts in their places and calls `record`, which has to bring them on record
     /// in the JobStore. Files that aren't on record afterwards are deleted again.
     void publish(std::vector<ArtifactDraft> drafts, const std::function<void()>& record);

@@ -1,12 +1,19 @@
 #include <benchmark/benchmark.h>
 
+#include <fstream>
+#include <latch>
+#include <memory>
 #include <string>
+#include <unistd.h>
+#include <utility>
+#include <vector>
 
 #include "tests/support/test_server.h"
 
 namespace remesh {
 namespace {
 
+using testing::Gate;
 using testing::ScriptedEngine;
 using testing::TestServer;
 
@@ -49,7 +56,12 @@ void upload(benchmark::State& state) {
     }
     state.SetBytesProcessed(state.iterations() * state.range(0));
 }
-BENCHMARK(upload)->ArgName("bytes")->Arg(100 << 20)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(upload)
+    ->ArgName("bytes")
+    ->Arg(100 << 20)
+    ->Arg(400 << 20)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
 
 void download(benchmark::State& state) {
     TestServer server(kCopy);
@@ -61,7 +73,90 @@ void download(benchmark::State& state) {
     }
     state.SetBytesProcessed(state.iterations() * state.range(0));
 }
-BENCHMARK(download)->ArgName("bytes")->Arg(100 << 20)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(download)
+    ->ArgName("bytes")
+    ->Arg(100 << 20)
+    ->Arg(400 << 20)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+
+double resident_mib() {
+    std::ifstream status("/proc/self/statm");
+    double total = 0.0;
+    double resident = 0.0;
+    status >> total >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+/// A reader of one job's events that keeps none of them.
+class Watcher final : public grpc::ClientReadReactor<v1::JobEvent> {
+public:
+    Watcher(v1::JobService::Stub& stub, const std::string& job, std::latch& opened,
+            std::latch& done)
+        : opened_(opened), done_(done) {
+        request_.set_name(job);
+        stub.async()->WatchJob(&context_, &request_, this);
+        StartRead(&event_);
+        StartCall();
+    }
+    void OnReadDone(bool ok) override {
+        if (ok) {
+            if (std::exchange(is_first_, false)) {
+                opened_.count_down();
+            }
+            StartRead(&event_);
+        }
+    }
+    void OnDone(const grpc::Status&) override { done_.count_down(); }
+
+private:
+    std::latch& opened_;
+    std::latch& done_;
+    grpc::ClientContext context_;
+    v1::WatchJobRequest request_;
+    v1::JobEvent event_;
+    bool is_first_ = true;
+};
+
+/// Many readers of one job with 500 events, in this process, too: its memory is theirs and the
+/// server's together.
+void watchers(benchmark::State& state) {
+    Gate gate;
+    const ScriptedEngine engine([&gate](const JobRequest& request, std::string_view input,
+                                        RunContext& run, OutputSink& outputs) {
+        run.enter(Stage::Relax);
+        gate.pass(run);
+        for (int i = 0; i < 500; ++i) {
+            run.sample({.quality = QualitySample{}});
+        }
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    });
+    const auto count = state.range(0);
+    for (auto _ : state) {
+        TestServer server(engine);
+        const std::string job = server.create("mesh").name();
+        server.wait_for(job, v1::Job::STATE_RUNNING);
+        const double before = resident_mib();
+        std::latch opened(count);
+        std::latch done(count);
+        std::vector<std::unique_ptr<Watcher>> readers;
+        for (std::int64_t i = 0; i < count; ++i) {
+            readers.push_back(std::make_unique<Watcher>(*server.jobs, job, opened, done));
+        }
+        opened.wait();
+        state.counters["MiB_open"] = resident_mib() - before;
+        gate.open();
+        done.wait();
+        state.counters["MiB_end"] = resident_mib() - before;
+    }
+}
+BENCHMARK(watchers)
+    ->ArgName("readers")
+    ->Arg(10)
+    ->Arg(1000)
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
 
 }  // namespace
 }  // namespace remesh

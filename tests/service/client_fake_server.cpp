@@ -95,6 +95,11 @@ int FakeServer::uploads_with_bytes() {
     return uploads_with_bytes_;
 }
 
+std::vector<std::string> FakeServer::authorizations() {
+    const std::scoped_lock lock(mutex_);
+    return authorizations_;
+}
+
 void FakeServer::wait_for_watch() {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, std::chrono::seconds(30), [this] { return !watches_.empty(); });
@@ -145,10 +150,14 @@ v1::Job FakeServer::finished(v1::Job job) {
     return job;
 }
 
-grpc::Status FakeServer::CreateJob(grpc::ServerContext*, const v1::CreateJobRequest* request,
-                                   v1::Job* reply) {
+grpc::Status FakeServer::CreateJob(grpc::ServerContext* context,
+                                   const v1::CreateJobRequest* request, v1::Job* reply) {
     const std::scoped_lock lock(mutex_);
     creates_.push_back(*request);
+    const auto& metadata = context->client_metadata();
+    if (const auto found = metadata.find("authorization"); found != metadata.end()) {
+        authorizations_.emplace_back(found->second.data(), found->second.size());
+    }
     const bool fails = !create_errors.empty();
     if (!fails || !keeps_first_created) {
         std::string& name = job_of_request_[request->request_id()];

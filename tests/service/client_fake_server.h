@@ -46,6 +46,7 @@ public:
     [[nodiscard]] std::vector<std::int64_t> watches();    ///< after_sequence of each.
     [[nodiscard]] std::vector<std::int64_t> downloads();  ///< offset of each.
     [[nodiscard]] int uploads_with_bytes();
+    [[nodiscard]] std::vector<std::string> authorizations();  ///< Of each CreateJob.
     void wait_for_watch();
     /// Adds a finished job without a client.
     v1::Job add_job(v1::Job job);
@@ -81,6 +82,7 @@ private:
     std::map<std::string, std::string> artifacts_;
     std::map<std::string, std::string> job_of_request_;
     std::map<std::string, v1::Job> jobs_;
+    std::vector<std::string> authorizations_;
     std::vector<v1::CreateJobRequest> creates_;
     std::vector<std::int64_t> watches_;
     std::vector<std::int64_t> downloads_;

@@ -92,13 +92,15 @@ std::string ClientResult::last_error_line() const {
 }
 
 ClientProcess::ClientProcess(const TemporaryFolder& folder,
-                             const std::vector<std::string>& arguments, const std::string& input) {
-    const std::string in = streams_.file("in", input);
+                             const std::vector<std::string>& arguments,
+                             const ProcessOptions& options) {
+    const std::string in = streams_.file("in", options.input);
     const std::string out = streams_.file("out", "");
     const std::string err = streams_.file("err", "");
-    std::vector<std::string> words{REMESH_CLIENT_PROGRAM};
+    std::vector<std::string> words{options.program};
     words.insert(words.end(), arguments.begin(), arguments.end());
     std::vector<std::string> settings{"TMPDIR=" + folder.path().string(), "PATH=/usr/bin:/bin"};
+    settings.insert(settings.end(), options.environment.begin(), options.environment.end());
     const std::vector<char*> raw_words = pointers(words);
     const std::vector<char*> raw_settings = pointers(settings);
     const char* const working_folder = folder.path().c_str();
@@ -135,8 +137,8 @@ ClientResult ClientProcess::wait() {
 }
 
 ClientResult run_client(const TemporaryFolder& folder, const std::vector<std::string>& arguments,
-                        const std::string& input) {
-    return ClientProcess(folder, arguments, input).wait();
+                        const ProcessOptions& options) {
+    return ClientProcess(folder, arguments, options).wait();
 }
 
 }  // namespace remesh::client

@@ -38,16 +38,23 @@ struct ClientResult {
     [[nodiscard]] std::string last_error_line() const;
 };
 
-/// The real client program, in a folder of its own as working and temporary folder.
+struct ProcessOptions {
+    std::string input{};                     ///< What stdin holds.
+    std::vector<std::string> environment{};  ///< "NAME=VALUE", besides TMPDIR and PATH.
+    std::string program = REMESH_CLIENT_PROGRAM;
+};
+
+/// The real client program (or another), in a folder of its own as working and temporary folder.
 class ClientProcess {
 public:
     ClientProcess(const TemporaryFolder& folder, const std::vector<std::string>& arguments,
-                  const std::string& input = {});
+                  const ProcessOptions& options = {});
     ~ClientProcess();
     ClientProcess(const ClientProcess&) = delete;
     ClientProcess& operator=(const ClientProcess&) = delete;
 
     void send(int signal) const;
+    [[nodiscard]] pid_t pid() const { return pid_; }
     void wait_for_error_text(const std::string& text) const {
         wait_for_text(streams_.path() / "err", text);
     }
@@ -60,6 +67,6 @@ private:
 
 /// Runs the client to its end.
 ClientResult run_client(const TemporaryFolder& folder, const std::vector<std::string>& arguments,
-                        const std::string& input = {});
+                        const ProcessOptions& options = {});
 
 }  // namespace remesh::client

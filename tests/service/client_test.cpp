@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <sys/syscall.h>
 
+#include <chrono>
 #include <memory>
 #include <poll.h>
 #include <signal.h>
@@ -13,6 +14,8 @@
 #include <unistd.h>
 
 #include "client/follow.h"
+#include "google/rpc/error_details.pb.h"
+#include "google/rpc/status.pb.h"
 #include "tests/service/client_fake_server.h"
 #include "tests/service/client_process.h"
 
@@ -48,7 +51,7 @@ class Client : public testing::Test {
 protected:
     ClientResult remesh(std::vector<std::string> arguments, const std::string& input = {}) {
         arguments.insert(arguments.begin(), {"--server", server_.address()});
-        return run_client(folder_, arguments, input);
+        return run_client(folder_, arguments, {.input = input});
     }
 
     FakeServer server_;
@@ -163,6 +166,140 @@ TEST_F(Client, EndsWithThreeWhenAnOptionIsOutOfRange) {
     EXPECT_EQ(result.last_error_line(), "remesh: relaxation.damping must be in (0, 2], got 7");
 }
 
+grpc::Status status_with(grpc::StatusCode code, const std::string& message,
+                         const google::protobuf::Message& detail) {
+    google::rpc::Status status;
+    status.set_code(code);
+    status.set_message(message);
+    status.add_details()->PackFrom(detail);
+    return {code, message, status.SerializeAsString()};
+}
+
+TEST_F(Client, TellsEachFieldThatWasRefused) {
+    google::rpc::BadRequest details;
+    auto* damping = details.add_field_violations();
+    damping->set_field("spec.options.relaxation.damping");
+    damping->set_description("relax.damping must be in (0, 2], got 7");
+    auto* outputs = details.add_field_violations();
+    outputs->set_field("spec.outputs");
+    outputs->set_description("at least one is needed");
+    server_.create_errors = {
+        status_with(grpc::StatusCode::INVALID_ARGUMENT, "two things", details)};
+
+    const auto result = remesh({"run", input_});
+
+    EXPECT_EQ(result.exit_code, 3);
+    EXPECT_THAT(result.err, HasSubstr("2 fields were refused:\n"
+                                      "  spec.options.relaxation.damping must be in (0, 2], got 7\n"
+                                      "  spec.outputs: at least one is needed\n"));
+}
+
+TEST_F(Client, TellsWhichLimitWasPassed) {
+    google::rpc::QuotaFailure details;
+    details.add_violations()->set_subject("queue");
+    server_.create_errors = {
+        status_with(grpc::StatusCode::RESOURCE_EXHAUSTED, "the queue is full", details)};
+
+    EXPECT_EQ(remesh({"submit", input_}).last_error_line(),
+              "remesh: the queue is full (limit: queue)");
+}
+
+TEST_F(Client, TellsWhichResourceIsMeant) {
+    google::rpc::ResourceInfo details;
+    details.set_resource_name("abc");
+    details.set_description("upload it");
+    server_.create_errors = {
+        status_with(grpc::StatusCode::FAILED_PRECONDITION, "the input isn't there", details)};
+
+    EXPECT_EQ(remesh({"submit", input_}).last_error_line(),
+              "remesh: the input isn't there (abc: upload it)");
+}
+
+TEST_F(Client, WaitsAsLongAsABusyServerAsks) {
+    google::rpc::RetryInfo details;
+    details.mutable_retry_delay()->set_seconds(1);
+    server_.create_errors = {status_with(grpc::StatusCode::UNAVAILABLE, "busy", details)};
+    const auto start = std::chrono::steady_clock::now();
+
+    const auto result = remesh({"submit", input_});
+
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::seconds(1));
+}
+
+TEST_F(Client, TakesGlobalOptionsFromAFile) {
+    const std::string config =
+        folder_.file("config.toml", "server = \"" + server_.address() + "\"\njson = true\n");
+    server_.add_job({});
+
+    const auto result = run_client(folder_, {"--config", config, "list"});
+
+    EXPECT_THAT(json_lines(result.out), SizeIs(1)) << result.err;
+}
+
+TEST_F(Client, TakesTheEnvironmentBeforeAFileAndFlagsBeforeBoth) {
+    std::filesystem::create_directories(folder_.path() / "remesh");
+    static_cast<void>(folder_.file("remesh/config.toml", "server = \"127.0.0.1:1\"\n"));
+    const std::string home = "XDG_CONFIG_HOME=" + folder_.path().string();
+
+    const auto by_environment = run_client(
+        folder_, {"list"}, {.environment = {home, "REMESH_SERVER=" + server_.address()}});
+    const auto by_flag = run_client(folder_, {"--server", server_.address(), "list"},
+                                    {.environment = {home, "REMESH_SERVER=127.0.0.1:2"}});
+    const auto by_file = run_client(folder_, {"--timeout", "0", "list"}, {.environment = {home}});
+
+    EXPECT_EQ(by_environment.exit_code, 0) << by_environment.err;
+    EXPECT_EQ(by_flag.exit_code, 0) << by_flag.err;
+    EXPECT_THAT(by_file.last_error_line(), HasSubstr("127.0.0.1:1"));
+}
+
+TEST_F(Client, RefusesAFileWithAnUnknownOption) {
+    const std::string config = folder_.file("config.toml", "sever = \"x:1\"\n");
+
+    const auto result = run_client(folder_, {"--config", config, "list"});
+
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.err, HasSubstr("sever"));
+}
+
+TEST_F(Client, ShowsItsTokenToTheServer) {
+    const std::string token = folder_.file("token", "remesh_abc\n");
+
+    remesh({"--token-file", token, "submit", input_});
+    run_client(folder_, {"--server", server_.address(), "submit", input_},
+               {.environment = {"REMESH_TOKEN=remesh_def"}});
+    run_client(folder_, {"--server", server_.address(), "--token-file", token, "submit", input_},
+               {.environment = {"REMESH_TOKEN=remesh_def"}});
+
+    EXPECT_THAT(server_.authorizations(),
+                ElementsAre("Bearer remesh_abc", "Bearer remesh_def", "Bearer remesh_abc"));
+}
+
+TEST_F(Client, SendsNoTokenToAnotherMachineInTheClear) {
+    const auto result = run_client(folder_, {"--server", "meshes.example:50051", "list"},
+                                   {.environment = {"REMESH_TOKEN=remesh_abc"}});
+
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.last_error_line(), HasSubstr("without TLS"));
+}
+
+TEST_F(Client, CompletesCommandsAndOptionsInBash) {
+    const auto script = run_client(folder_, {"completion", "bash"});
+    const std::string file = folder_.file("completion", script.out);
+    const auto complete = [&](const std::string& words, int current) {
+        return run_client(folder_,
+                          {"-c", "source " + file + "; COMP_WORDS=(" + words + "); COMP_CWORD=" +
+                                     std::to_string(current) + "; _remesh; echo ${COMPREPLY[@]}"},
+                          {.program = "/bin/bash"})
+            .out;
+    };
+
+    EXPECT_EQ(complete("remesh wa", 1), "watch\n");
+    EXPECT_EQ(complete("remesh run --edge", 2), "--edge-length\n");
+    EXPECT_EQ(complete("remesh run --smoothing o", 3), "off on\n");
+    EXPECT_EQ(complete("remesh --server x:1 run in", 4), "in.stl\n");
+}
+
 TEST_F(Client, EndsWithThreeWhenTheInputCantBeRead) {
     const auto result = remesh({"run", "missing.stl"});
 
@@ -264,7 +401,7 @@ TEST_F(Client, RenewsAWatchOfAQuietJobThoughItsPatienceIsShort) {
     v1::Job quiet;
     quiet.set_state(v1::Job::STATE_RUNNING);
     const v1::Job job = server_.add_job(quiet);
-    Connection connection(server_.address(), std::chrono::milliseconds(1), {});
+    Connection connection({server_.address(), {}, std::chrono::milliseconds(1), {}}, {});
     const auto cancel_after_some_renewals = [&](const v1::JobEvent&) {
         if (server_.watches().size() == 4) {
             std::ignore = connection.cancel_job(job.name());

@@ -14,6 +14,7 @@
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "remesh/v1/capability.grpc.pb.h"
 #include "remesh/v1/job.grpc.pb.h"
+#include "server/auth/access_store.h"
 #include "server/server.h"
 #include "server/store/digest.h"
 #include "tests/support/scripted_engine.h"
@@ -24,7 +25,12 @@ namespace remesh::testing {
 /// A client's context with a deadline, for one call.
 class CallContext : public grpc::ClientContext {
 public:
-    CallContext() { set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30)); }
+    explicit CallContext(const std::string& token = {}) {
+        set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
+        if (!token.empty()) {
+            AddMetadata("authorization", "Bearer " + token);
+        }
+    }
 };
 
 /// A detail of an error, if the error has one of that kind.
@@ -59,10 +65,21 @@ public:
 
     void start() {
         server_ = std::make_unique<Server>(options_, engine_);
-        const auto channel = grpc::CreateChannel(address(), grpc::InsecureChannelCredentials());
+        connect(grpc::InsecureChannelCredentials());
+    }
+    /// Talks over a connection of its own from now on.
+    void connect(const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+        grpc::ChannelArguments arguments;
+        arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+        channel = grpc::CreateCustomChannel(address(), credentials, arguments);
         jobs = v1::JobService::NewStub(channel);
         artifacts = v1::ArtifactService::NewStub(channel);
         capabilities = v1::CapabilityService::NewStub(channel);
+    }
+    [[nodiscard]] const std::filesystem::path& data_dir() const { return directory_.path(); }
+    /// Makes a token that is valid at once.
+    [[nodiscard]] std::string token_for(const std::string& tenant, Role role = Role::User) const {
+        return AccessStore(data_dir()).create_token({tenant, role, "", {}}, system_now()).token;
     }
     void stop() { server_.reset(); }
     [[nodiscard]] Server& server() { return *server_; }
@@ -72,7 +89,7 @@ public:
 
     grpc::Status upload(const std::string& bytes, const v1::Digest& digest,
                         v1::UploadArtifactResponse* response, std::size_t chunk = 1U << 20U) {
-        CallContext context;
+        CallContext context(token);
         const auto stream = artifacts->UploadArtifact(&context, response);
         v1::UploadArtifactRequest request;
         *request.mutable_digest() = digest;
@@ -106,7 +123,7 @@ public:
         return request;
     }
     grpc::Status create(const v1::CreateJobRequest& request, v1::Job* job) {
-        CallContext context;
+        CallContext context(token);
         return jobs->CreateJob(&context, request, job);
     }
     v1::Job create(const std::string& bytes) {
@@ -115,19 +132,19 @@ public:
         return job;
     }
     grpc::Status get(const std::string& name, v1::Job* job) {
-        CallContext context;
+        CallContext context(token);
         v1::GetJobRequest request;
         request.set_name(name);
         return jobs->GetJob(&context, request, job);
     }
     grpc::Status cancel(const std::string& name, v1::Job* job) {
-        CallContext context;
+        CallContext context(token);
         v1::CancelJobRequest request;
         request.set_name(name);
         return jobs->CancelJob(&context, request, job);
     }
     grpc::Status remove(const std::string& name, const std::string& etag = "") {
-        CallContext context;
+        CallContext context(token);
         v1::DeleteJobRequest request;
         request.set_name(name);
         request.set_etag(etag);
@@ -136,7 +153,7 @@ public:
     }
     grpc::Status download(const std::string& sha256, std::int64_t offset, std::int64_t limit,
                           std::string* bytes) {
-        CallContext context;
+        CallContext context(token);
         v1::DownloadArtifactRequest request;
         request.set_sha256(sha256);
         request.set_offset(offset);
@@ -152,7 +169,7 @@ public:
     std::vector<v1::JobEvent> watch(
         const std::string& name, std::int64_t after = 0, grpc::Status* status = nullptr,
         const std::function<bool(const v1::JobEvent&)>& is_enough = {}) {
-        CallContext context;
+        CallContext context(token);
         v1::WatchJobRequest request;
         request.set_name(name);
         request.set_after_sequence(after);
@@ -177,6 +194,8 @@ public:
         });
     }
 
+    std::string token{};  ///< Of the calls that this makes; empty: none.
+    std::shared_ptr<grpc::Channel> channel{};
     std::unique_ptr<v1::JobService::Stub> jobs{};
     std::unique_ptr<v1::ArtifactService::Stub> artifacts{};
     std::unique_ptr<v1::CapabilityService::Stub> capabilities{};

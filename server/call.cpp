@@ -1,0 +1,61 @@
+#include "server/call.h"
+
+#include <grpcpp/security/auth_context.h>
+
+#include <array>
+
+namespace remesh {
+
+Papers papers_of(const grpc::CallbackServerContext& context) {
+    Papers papers;
+    const auto& metadata = context.client_metadata();
+    if (const auto found = metadata.find("authorization"); found != metadata.end()) {
+        papers.authorization.emplace(found->second.data(), found->second.size());
+    }
+    const auto peer = context.auth_context();
+    if (peer && peer->IsPeerAuthenticated()) {
+        for (const auto& name : peer->GetPeerIdentity()) {
+            papers.certificate_names.emplace_back(name.data(), name.size());
+        }
+    }
+    papers.peer = context.peer();
+    return papers;
+}
+
+grpc::Status admission(Gate& gate, const std::string& token, Role least, std::string_view action) {
+    Papers papers;
+    if (!token.empty()) {
+        papers.authorization = "Bearer " + token;
+    }
+    papers.peer = "http";
+    try {
+        static_cast<void>(gate.admit(papers, least, action));
+        return grpc::Status::OK;
+    } catch (...) {
+        return to_status(std::current_exception());
+    }
+}
+
+std::string code_name(grpc::StatusCode code) {
+    static constexpr std::array<const char*, 17> kNames{"OK",
+                                                        "CANCELLED",
+                                                        "UNKNOWN",
+                                                        "INVALID_ARGUMENT",
+                                                        "DEADLINE_EXCEEDED",
+                                                        "NOT_FOUND",
+                                                        "ALREADY_EXISTS",
+                                                        "PERMISSION_DENIED",
+                                                        "RESOURCE_EXHAUSTED",
+                                                        "FAILED_PRECONDITION",
+                                                        "ABORTED",
+                                                        "OUT_OF_RANGE",
+                                                        "UNIMPLEMENTED",
+                                                        "INTERNAL",
+                                                        "UNAVAILABLE",
+                                                        "DATA_LOSS",
+                                                        "UNAUTHENTICATED"};
+    const auto index = static_cast<std::size_t>(code);
+    return index < kNames.size() ? kNames[index] : "UNKNOWN";
+}
+
+}  // namespace remesh

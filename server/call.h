@@ -1,0 +1,71 @@
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
+
+#include <exception>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "server/auth/gate.h"
+#include "server/convert.h"
+#include "server/executor.h"
+
+namespace remesh {
+
+/// Who may make a call, and whether it's written down.
+struct Rule {
+    const char* action;  ///< The method's name.
+    Role least;
+    bool is_audited;
+};
+
+/// What the caller of a call shows.
+[[nodiscard]] Papers papers_of(const grpc::CallbackServerContext& context);
+
+/// Whether a bearer token (empty: none) allows something, for callers that don't come by gRPC.
+[[nodiscard]] grpc::Status admission(Gate& gate, const std::string& token, Role least,
+                                     std::string_view action);
+
+/// The name of a status code: "OK", "NOT_FOUND".
+[[nodiscard]] std::string code_name(grpc::StatusCode code);
+
+/// Lets a caller in, runs `handler(who, subject)` and writes down what became of it, if the rule
+/// says so. The handler sets `subject` as soon as it knows what the call is about.
+/// \return the status of the call
+template <typename Handler>
+grpc::Status guarded(Gate& gate, const grpc::CallbackServerContext& context, const Rule& rule,
+                     Handler&& handler) {
+    try {
+        const Papers papers = papers_of(context);
+        const Principal who = gate.admit(papers, rule.least, rule.action);
+        std::string subject;
+        grpc::Status status;
+        try {
+            handler(who, subject);
+        } catch (...) {
+            status = to_status(std::current_exception());
+        }
+        if (rule.is_audited) {
+            gate.record(who, papers.peer, rule.action, subject, code_name(status.error_code()));
+        }
+        return status;
+    } catch (...) {
+        return to_status(std::current_exception());
+    }
+}
+
+/// Answers a unary call by `guarded`, where it may block.
+template <typename Handler>
+grpc::ServerUnaryReactor* answer(Gate& gate, Executor& executor,
+                                 grpc::CallbackServerContext* context, const Rule& rule,
+                                 Handler handler) {
+    auto* reactor = context->DefaultReactor();
+    executor.post([&gate, context, rule, reactor, handler = std::move(handler)] {
+        reactor->Finish(guarded(gate, *context, rule, handler));
+    });
+    return reactor;
+}
+
+}  // namespace remesh

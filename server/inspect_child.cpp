@@ -1,0 +1,167 @@
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <fcntl.h>
+#include <iostream>
+#include <iterator>
+#include <new>
+#include <spawn.h>
+#include <stdexcept>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "server/inspect.h"
+
+namespace remesh {
+namespace {
+
+constexpr rlim_t kMaxMemory = rlim_t{6} << 30U;
+constexpr rlim_t kMaxSeconds = 60;
+
+// What the child writes: one of these, and what belongs to it.
+constexpr char kInspected = 'i';  // a serialized Inspection
+constexpr char kFailed = 'f';     // a digit for the ErrorCode, and a sentence
+
+class Descriptor {
+public:
+    explicit Descriptor(int fd = -1) : fd_(fd) {}
+    Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+    Descriptor& operator=(Descriptor&&) = delete;
+    ~Descriptor() { close(); }
+
+    void close() {
+        if (fd_ >= 0) {
+            ::close(std::exchange(fd_, -1));
+        }
+    }
+    [[nodiscard]] int get() const { return fd_; }
+
+private:
+    int fd_;
+};
+
+struct Pipe {
+    Descriptor read_end;
+    Descriptor write_end;
+};
+
+Pipe make_pipe() {
+    std::array<int, 2> ends{};
+    if (::pipe2(ends.data(), O_CLOEXEC) != 0) {
+        throw std::runtime_error("can't make a pipe");
+    }
+    return {Descriptor(ends[0]), Descriptor(ends[1])};
+}
+
+pid_t start(const std::string& program, const std::string& hint, const Pipe& in, const Pipe& out) {
+    std::vector<std::string> words{program, "inspect-stdin", "--hint", hint};
+    std::vector<char*> arguments;
+    for (std::string& word : words) {
+        arguments.push_back(word.data());
+    }
+    arguments.push_back(nullptr);
+    std::array<char*, 1> environment{nullptr};
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, in.read_end.get(), STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, out.write_end.get(), STDOUT_FILENO);
+    pid_t child = -1;
+    const int error = ::posix_spawn(&child, program.c_str(), &actions, nullptr, arguments.data(),
+                                    environment.data());
+    posix_spawn_file_actions_destroy(&actions);
+    if (error != 0) {
+        throw std::runtime_error("can't start a process to inspect a file");
+    }
+    return child;
+}
+
+/// A child that dies leaves the rest unread: what it said before counts.
+void send(const Descriptor& to, std::string_view bytes) {
+    while (!bytes.empty()) {
+        const ssize_t written = ::write(to.get(), bytes.data(), bytes.size());
+        if (written < 0 && errno != EINTR) {
+            return;
+        }
+        bytes.remove_prefix(written < 0 ? 0 : static_cast<std::size_t>(written));
+    }
+}
+
+std::string receive(const Descriptor& from) {
+    std::string all;
+    std::array<char, 4096> buffer{};
+    while (true) {
+        const ssize_t got = ::read(from.get(), buffer.data(), buffer.size());
+        if (got > 0) {
+            all.append(buffer.data(), static_cast<std::size_t>(got));
+        } else if (got == 0 || errno != EINTR) {
+            return all;
+        }
+    }
+}
+
+v1::Inspection understood(const std::string& said, int status) {
+    v1::Inspection inspection;
+    if (!said.empty() && said[0] == kInspected && WIFEXITED(status) && WEXITSTATUS(status) == 0 &&
+        inspection.ParseFromArray(said.data() + 1, static_cast<int>(said.size() - 1))) {
+        return inspection;
+    }
+    if (said.size() > 2 && said[0] == kFailed) {
+        throw Error(static_cast<ErrorCode>(said[1] - '0'), said.substr(2));
+    }
+    if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)) {
+        throw Error(ErrorCode::TooLarge, "looking at this file takes more than a minute");
+    }
+    throw Error(ErrorCode::Internal,
+                "the reader failed on this file, which is a defect; a job with it would fail, too");
+}
+
+}  // namespace
+
+Inspector inspector_in_child(const std::string& program) {
+    return [program](std::string_view bytes, const std::string& hint) {
+        Pipe in = make_pipe();
+        Pipe out = make_pipe();
+        const pid_t child = start(program, hint, in, out);
+        in.read_end.close();
+        out.write_end.close();
+        send(in.write_end, bytes);
+        in.write_end.close();
+        const std::string said = receive(out.read_end);
+        int status = 0;
+        while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+        }
+        return understood(said, status);
+    };
+}
+
+int serve_inspection(const std::string& hint) {
+    const auto limit = [](auto resource, rlim_t most) {
+        const rlimit both{most, most};
+        ::setrlimit(resource, &both);
+    };
+    limit(RLIMIT_AS, kMaxMemory);
+    limit(RLIMIT_CPU, kMaxSeconds);
+    limit(RLIMIT_CORE, 0);
+    limit(RLIMIT_FSIZE, 0);
+    const auto fail = [](ErrorCode code, const std::string& message) {
+        std::cout << kFailed << static_cast<int>(code) << message << std::flush;
+        return EXIT_FAILURE;
+    };
+    try {
+        const std::string bytes{std::istreambuf_iterator<char>(std::cin), {}};
+        const std::string inspection = inspect_surface(bytes, hint).SerializeAsString();
+        std::cout << kInspected << inspection << std::flush;
+        return EXIT_SUCCESS;
+    } catch (const Error& error) {
+        return fail(error.code(), error.what());
+    } catch (const std::bad_alloc&) {
+        return fail(ErrorCode::TooLarge, "looking at this file takes more memory than is allowed");
+    }
+}
+
+}  // namespace remesh

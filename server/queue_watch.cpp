@@ -1,0 +1,259 @@
+#include "server/queue_watch.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "server/convert.h"
+
+namespace remesh {
+namespace {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+// Jobs at the start of a stream, and changed ones that it remembers.
+constexpr std::size_t kMaxJobs = 1'000;
+// Least time between two messages about one job.
+constexpr std::chrono::milliseconds kRound{500};
+
+v1::Job in_short(const JobView& view) {
+    v1::Job job = to_proto(view);
+    job.mutable_spec()->clear_options();
+    job.clear_result();
+    return job;
+}
+
+}  // namespace
+
+/// One call. gRPC's callbacks only set flags under the hub's mutex; all else is the hub's thread's.
+class QueueStream final : public grpc::ServerWriteReactor<v1::QueueEvent> {
+public:
+    explicit QueueStream(QueueHub& hub) : hub_(hub) {}
+
+    void OnWriteDone(bool ok) override {
+        {
+            const std::scoped_lock lock(hub_.mutex_);
+            is_writing_ = false;
+            is_gone_ = is_gone_ || !ok;
+        }
+        hub_.wake();
+    }
+    void OnCancel() override {
+        {
+            const std::scoped_lock lock(hub_.mutex_);
+            is_gone_ = true;
+        }
+        hub_.wake();
+    }
+    void OnDone() override { delete this; }
+
+private:
+    friend class QueueHub;
+
+    QueueHub& hub_;
+
+    bool is_writing_ = false;      // needs hub_.mutex_
+    bool is_gone_ = false;         // needs hub_.mutex_
+    bool has_overflowed_ = false;  // needs hub_.mutex_
+    std::set<JobKey> changed_;     // needs hub_.mutex_
+
+    // the hub's thread only, once the stream has started
+    Principal who_{};
+    bool is_open_ = false;             // `opened` was sent
+    std::vector<JobView> at_first_{};  // not yet sent
+    std::vector<JobKey> round_{};      // of this round, not yet sent
+    v1::QueueEvent message_;
+    SteadyTime last_round_{};
+    SteadyTime last_write_ = std::chrono::steady_clock::now();
+    SteadyTime last_check_ = last_write_;
+};
+
+QueueHub::QueueHub(JobRegistry& registry, const WatchOptions& options,
+                   WatchHub::IsStillValid is_still_valid)
+    : registry_(registry), options_(options), is_still_valid_(std::move(is_still_valid)) {
+    thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
+}
+
+QueueHub::~QueueHub() = default;
+
+grpc::ServerWriteReactor<v1::QueueEvent>* QueueHub::open(Executor& executor, Admission admission) {
+    auto* stream = new QueueStream(*this);
+    executor.post([this, stream, admission = std::move(admission)] {
+        Principal who;
+        grpc::Status status = admission(who);
+        if (status.ok()) {
+            try {
+                status = start(*stream, who);
+            } catch (const std::exception&) {
+                status = to_status(std::current_exception());
+            }
+        }
+        if (!status.ok()) {
+            stream->Finish(status);
+        }
+    });
+    return stream;
+}
+
+grpc::Status QueueHub::start(QueueStream& stream, const Principal& who) {
+    const std::scoped_lock lock(mutex_);
+    if (is_closed_) {
+        return shutting_down_status();
+    }
+    if (streams_.size() >= options_.max_watches) {
+        return too_many_status("queue watches", "at most " + std::to_string(options_.max_watches) +
+                                                    " queues are watched at a time");
+    }
+    stream.who_ = who;
+    streams_.insert(&stream);
+    is_awake_ = true;
+    changed_.notify_one();
+    return grpc::Status::OK;
+}
+
+void QueueHub::notify(const JobKey& key) {
+    const std::scoped_lock lock(mutex_);
+    for (QueueStream* stream : streams_) {
+        if (stream->who_.tenant != key.tenant || stream->has_overflowed_) {
+            continue;
+        }
+        stream->changed_.insert(key);
+        if (stream->changed_.size() > kMaxJobs) {
+            stream->changed_.clear();
+            stream->has_overflowed_ = true;
+        }
+        is_awake_ = true;
+    }
+    changed_.notify_one();
+}
+
+void QueueHub::close() {
+    const std::scoped_lock lock(mutex_);
+    is_closed_ = true;
+    is_awake_ = true;
+    changed_.notify_one();
+}
+
+void QueueHub::wake() {
+    const std::scoped_lock lock(mutex_);
+    is_awake_ = true;
+    changed_.notify_one();
+}
+
+void QueueHub::run(std::stop_token stop) {
+    while (!stop.stop_requested()) {
+        std::vector<QueueStream*> streams;
+        {
+            std::unique_lock lock(mutex_);
+            const auto tick = streams_.empty() ? std::chrono::milliseconds(options_.heartbeat)
+                                               : std::min<std::chrono::milliseconds>(
+                                                     kRound / 2, options_.heartbeat / 4);
+            changed_.wait_for(lock, stop, tick, [this] { return is_awake_; });
+            is_awake_ = false;
+            streams.assign(streams_.begin(), streams_.end());
+        }
+        for (QueueStream* stream : streams) {
+            feed(*stream);
+        }
+    }
+}
+
+bool QueueHub::next(QueueStream& stream, v1::QueueEvent& event) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!stream.is_open_ && stream.last_round_ == SteadyTime{}) {
+        stream.last_round_ = now;
+        stream.at_first_ =
+            registry_.list({.tenant = stream.who_.tenant,
+                            .states = {JobState::Queued, JobState::Running, JobState::Cancelling},
+                            .limit = kMaxJobs});
+        std::reverse(stream.at_first_.begin(), stream.at_first_.end());  // taken from the back
+    }
+    if (!stream.at_first_.empty()) {
+        *event.mutable_job() = in_short(stream.at_first_.back());
+        stream.at_first_.pop_back();
+        return true;
+    }
+    if (!std::exchange(stream.is_open_, true)) {
+        event.mutable_opened();
+        return true;
+    }
+    if (stream.round_.empty() && now - stream.last_round_ >= kRound) {
+        const std::scoped_lock lock(mutex_);
+        if (std::exchange(stream.has_overflowed_, false)) {
+            event.mutable_resync();
+            return true;
+        }
+        if (!stream.changed_.empty()) {
+            stream.last_round_ = now;
+            stream.round_.assign(stream.changed_.begin(), stream.changed_.end());
+            stream.changed_.clear();
+        }
+    }
+    if (!stream.round_.empty()) {
+        const JobKey key = std::move(stream.round_.back());
+        stream.round_.pop_back();
+        try {
+            *event.mutable_job() = in_short(registry_.get(key));
+        } catch (const JobError&) {
+            event.set_deleted(job_name(key));
+        }
+        return true;
+    }
+    if (now - stream.last_write_ >= options_.heartbeat) {
+        event.mutable_heartbeat();
+        return true;
+    }
+    return false;
+}
+
+// The hub's thread alone finishes streams, so one that is still in streams_ is alive.
+void QueueHub::feed(QueueStream& stream) {
+    std::optional<grpc::Status> end;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (stream.is_writing_) {
+            return;
+        }
+        if (stream.is_gone_) {
+            end = grpc::Status(grpc::StatusCode::CANCELLED, "the client left");
+        } else if (is_closed_) {
+            end = shutting_down_status();
+        }
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
+        stream.last_check_ = now;
+        if (!is_still_valid_(stream.who_)) {
+            end = to_status(std::make_exception_ptr(AccessError(
+                AccessErrorCode::Unauthenticated, "the credential isn't valid any more")));
+        }
+    }
+    bool has_message = false;
+    v1::QueueEvent event;
+    if (!end) {
+        try {
+            has_message = next(stream, event);
+        } catch (const std::exception&) {
+            end = to_status(std::current_exception());
+        }
+    }
+    if (end) {
+        {
+            const std::scoped_lock lock(mutex_);
+            streams_.erase(&stream);
+        }
+        stream.Finish(*end);
+    } else if (has_message) {
+        *event.mutable_time() = to_proto(system_now());
+        stream.message_ = std::move(event);
+        stream.last_write_ = now;
+        {
+            const std::scoped_lock lock(mutex_);
+            stream.is_writing_ = true;
+        }
+        stream.StartWrite(&stream.message_);
+    }
+}
+
+}  // namespace remesh

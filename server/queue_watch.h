@@ -1,0 +1,72 @@
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <functional>
+#include <mutex>
+#include <set>
+#include <stop_token>
+#include <thread>
+
+#include "remesh/v1/job.pb.h"
+#include "server/auth/principal.h"
+#include "server/executor.h"
+#include "server/jobs/registry.h"
+#include "server/watch_stream.h"
+
+namespace remesh {
+
+class QueueStream;
+
+/// Feeds all WatchQueue streams from one thread.
+///
+/// A stream keeps the names of its tenant's jobs that changed and weren't sent, at most a thousand:
+/// beyond that it forgets them and tells the reader to list anew. So a slow or dead reader costs
+/// little, and a job that changes often is sent as it is when its turn comes.
+class QueueHub {
+public:
+    /// Says whose queue may be watched, or why none may; may block.
+    using Admission = std::function<grpc::Status(Principal&)>;
+
+    /// \param options  as of WatchHub; queue watches have a bound of their own
+    QueueHub(JobRegistry& registry, const WatchOptions& options,
+             WatchHub::IsStillValid is_still_valid = {});
+    QueueHub(const QueueHub&) = delete;
+    QueueHub& operator=(const QueueHub&) = delete;
+    ~QueueHub();
+
+    /// Opens a stream for one call, once `admission` on the executor lets it. The reactor deletes
+    /// itself when the call is over.
+    grpc::ServerWriteReactor<v1::QueueEvent>* open(Executor& executor, Admission admission);
+    /// Something changed about a job. Never blocks.
+    void notify(const JobKey& key);
+    /// Ends all streams, present and future, with UNAVAILABLE.
+    void close();
+
+private:
+    friend class QueueStream;
+
+    [[nodiscard]] grpc::Status start(QueueStream& stream, const Principal& who);
+    void wake();
+    void run(std::stop_token stop);
+    void feed(QueueStream& stream);
+    /// What the reader should get next; false if nothing is due.
+    bool next(QueueStream& stream, v1::QueueEvent& event);
+
+    JobRegistry& registry_;
+    const WatchOptions options_;
+    const WatchHub::IsStillValid is_still_valid_;
+
+    std::mutex mutex_;
+    std::condition_variable_any changed_;
+    std::set<QueueStream*> streams_;  // needs mutex_
+    bool is_awake_ = false;           // needs mutex_
+    bool is_closed_ = false;          // needs mutex_
+
+    std::jthread thread_;
+};
+
+}  // namespace remesh

@@ -1,0 +1,274 @@
+#include "server/transfer_streams.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "server/call.h"
+#include "server/convert.h"
+#include "server/store/digest.h"
+
+namespace remesh {
+namespace {
+
+constexpr Rule kUpload{"UploadArtifact", Role::User, true};
+constexpr Rule kDownload{"DownloadArtifact", Role::Viewer, true};
+
+[[noreturn]] void refuse(const std::string& field, const std::string& message) {
+    throw JobError({FieldProblem{field, field + " " + message}});
+}
+
+/// One upload. The executor runs at most one of its steps at a time, so it needs no lock.
+class Upload final : public grpc::ServerReadReactor<v1::UploadArtifactRequest> {
+public:
+    Upload(const TransferRoom& room, const grpc::CallbackServerContext& context,
+           v1::UploadArtifactResponse& reply)
+        : room_(room), context_(context), reply_(reply) {
+        room_.executor.post([this] {
+            // What was uploaded is written down at the end.
+            constexpr Rule kOnlyAdmit{kUpload.action, kUpload.least, false};
+            const grpc::Status status =
+                guarded(room_.gate, context_, kOnlyAdmit,
+                        [this](const Principal& who, std::string&) { who_ = who; });
+            if (!status.ok()) {
+                Finish(status);
+            } else if (room_.is_draining()) {
+                Finish(shutting_down_status());
+            } else {
+                StartRead(&chunk_);
+            }
+        });
+    }
+
+    void OnReadDone(bool ok) override {
+        room_.executor.post([this, ok] {
+            grpc::Status status;
+            try {
+                if (ok && take_chunk()) {
+                    StartRead(&chunk_);
+                    return;
+                }
+                if (!ok && context_.IsCancelled()) {
+                    status = {grpc::StatusCode::CANCELLED, "the client left"};
+                } else if (!ok) {
+                    complete();
+                }
+            } catch (...) {
+                status = to_status(std::current_exception());
+            }
+            end(status);
+        });
+    }
+    void OnDone() override { delete this; }
+
+private:
+    /// \return false if no more is needed
+    bool take_chunk() {
+        if (!upload_) {
+            open();
+            if (reply_.already_present()) {
+                return false;
+            }
+        }
+        if (chunk_.data().size() > kMaxChunkBytes) {
+            refuse("data",
+                   "must be at most 1 MiB, got " + std::to_string(chunk_.data().size()) + " bytes");
+        }
+        if (chunk_.offset() != upload_->size()) {
+            refuse("offset", "must be " + std::to_string(upload_->size()) +
+                                 ", where the last chunk ended, got " +
+                                 std::to_string(chunk_.offset()));
+        }
+        const auto size = upload_->size() + static_cast<std::int64_t>(chunk_.data().size());
+        if (size > expected_.size) {
+            refuse("data", "must not pass the " + std::to_string(expected_.size) +
+                               " bytes that were announced");
+        }
+        upload_->write(chunk_.data());
+        return true;
+    }
+
+    void open() {
+        expected_ = artifact_of(chunk_.digest(), "digest");
+        if (expected_.size > room_.max_bytes) {
+            throw JobError(JobErrorCode::LimitPassed,
+                           "an artifact has at most " + std::to_string(room_.max_bytes) +
+                               " bytes here, got " + std::to_string(expected_.size),
+                           "artifact");
+        }
+        if (chunk_.offset() < 0) {
+            refuse("offset", "must be >= 0, got " + std::to_string(chunk_.offset()));
+        }
+        if (const auto known = room_.artifacts.find(who_.tenant, expected_.sha256)) {
+            answer(*known, true);
+            return;
+        }
+        auto upload = room_.uploads.open(who_.tenant, expected_.sha256, chunk_.offset());
+        if (!upload) {
+            throw StatusError({grpc::StatusCode::OUT_OF_RANGE,
+                               "offset must be where the upload stands; GetUpload tells"});
+        }
+        upload_.emplace(std::move(*upload));
+    }
+
+    void complete() {
+        if (!upload_) {
+            refuse("digest", "must come in the first message, got none");
+        }
+        if (upload_->size() < expected_.size) {
+            refuse("data", "must be " + std::to_string(expected_.size) +
+                               " bytes in all, as announced; " + std::to_string(upload_->size()) +
+                               " came and are kept");
+        }
+        const ArtifactId artifact = upload_->finish();
+        if (artifact != expected_) {
+            upload_->discard();
+            refuse("digest", "must be that of the bytes: " + std::to_string(artifact.size) +
+                                 " bytes with SHA-256 " + artifact.sha256 + " came");
+        }
+        room_.artifacts.add(room_.artifacts.adopt(who_.tenant, upload_->release(), artifact),
+                            system_now());
+        answer(artifact, false);
+    }
+
+    void answer(const ArtifactId& artifact, bool is_present) {
+        reply_.mutable_digest()->set_sha256(artifact.sha256);
+        reply_.mutable_digest()->set_size_bytes(artifact.size);
+        reply_.set_already_present(is_present);
+    }
+
+    void end(grpc::Status status) {
+        try {
+            room_.gate.record(who_, context_.peer(), kUpload.action, expected_.sha256,
+                              code_name(status.error_code()));
+        } catch (...) {
+            status = to_status(std::current_exception());
+        }
+        upload_.reset();  // Before the answer, so that whoever gets it finds the upload free.
+        Finish(status);
+    }
+
+    const TransferRoom& room_;
+    const grpc::CallbackServerContext& context_;
+    v1::UploadArtifactResponse& reply_;
+    Principal who_;
+    v1::UploadArtifactRequest chunk_;
+    ArtifactId expected_;
+    std::optional<PartialUpload> upload_;
+};
+
+/// One download. A whole one is checked against its digest on the way.
+class Download final : public grpc::ServerWriteReactor<v1::DownloadArtifactResponse> {
+public:
+    Download(const TransferRoom& room, const grpc::CallbackServerContext& context,
+             const v1::DownloadArtifactRequest& request)
+        : room_(room) {
+        room_.executor.post([this, &context, request] {
+            const grpc::Status status = guarded(room_.gate, context, kDownload,
+                                                [&](const Principal& who, std::string& subject) {
+                                                    open(who.tenant, request, subject);
+                                                });
+            if (!status.ok()) {
+                Finish(status);
+            } else {
+                send();
+            }
+        });
+    }
+
+    void OnWriteDone(bool ok) override {
+        room_.executor.post([this, ok] {
+            if (!ok) {
+                Finish({grpc::StatusCode::CANCELLED, "the client left"});
+            } else if (next_ == end_) {
+                Finish(check());
+            } else {
+                send();
+            }
+        });
+    }
+    void OnDone() override { delete this; }
+
+private:
+    void open(const std::string& tenant, const v1::DownloadArtifactRequest& request,
+              std::string& subject) {
+        require_sha256(request.sha256(), "sha256");
+        subject = request.sha256();
+        if (request.offset() < 0 || request.limit() < 0) {
+            refuse(request.offset() < 0 ? "offset" : "limit", "must be >= 0");
+        }
+        const auto artifact = room_.artifacts.find(tenant, request.sha256());
+        if (!artifact) {
+            throw StatusError(artifact_not_found_status(request.sha256()));
+        }
+        if (request.offset() > artifact->size) {
+            throw StatusError({grpc::StatusCode::OUT_OF_RANGE,
+                               "offset must be at most " + std::to_string(artifact->size) +
+                                   ", got " + std::to_string(request.offset())});
+        }
+        view_.emplace(room_.artifacts.open(tenant, *artifact));
+        next_ = static_cast<std::size_t>(request.offset());
+        end_ = static_cast<std::size_t>(artifact->size);
+        if (request.limit() > 0) {
+            end_ = std::min(
+                end_, next_ + static_cast<std::size_t>(std::min(request.limit(), artifact->size)));
+        }
+        if (next_ == 0 && end_ == view_->bytes().size()) {
+            hash_.emplace();
+            sha256_ = artifact->sha256;
+        }
+        total_ = artifact->size;
+    }
+
+    void send() {
+        const std::size_t size = std::min(kMaxChunkBytes, end_ - next_);
+        const std::string_view bytes = view_->bytes().substr(next_, size);
+        // A chunk may still be waiting to be serialized when StartWrite returns: it isn't touched
+        // before OnWriteDone.
+        if (std::exchange(is_first_, false)) {
+            chunk_.set_total_size_bytes(total_);
+        } else {
+            chunk_.clear_total_size_bytes();
+        }
+        chunk_.set_offset(static_cast<std::int64_t>(next_));
+        chunk_.set_data(bytes.data(), bytes.size());
+        next_ += size;
+        if (hash_) {
+            hash_->add(bytes);
+        }
+        StartWrite(&chunk_);
+    }
+
+    grpc::Status check() {
+        if (hash_ && hash_->finish() != sha256_) {
+            return {grpc::StatusCode::DATA_LOSS, "the stored bytes no longer have their digest"};
+        }
+        return grpc::Status::OK;
+    }
+
+    const TransferRoom& room_;
+    std::optional<ArtifactView> view_;
+    std::optional<Sha256> hash_;
+    std::string sha256_;
+    std::int64_t total_ = 0;
+    bool is_first_ = true;
+    std::size_t next_ = 0;
+    std::size_t end_ = 0;
+    v1::DownloadArtifactResponse chunk_;
+};
+
+}  // namespace
+
+grpc::ServerReadReactor<v1::UploadArtifactRequest>* new_upload(
+    const TransferRoom& room, const grpc::CallbackServerContext& context,
+    v1::UploadArtifactResponse& reply) {
+    return new Upload(room, context, reply);
+}
+
+grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* new_download(
+    const TransferRoom& room, const grpc::CallbackServerContext& context,
+    const v1::DownloadArtifactRequest& request) {
+    return new Download(room, context, request);
+}
+
+}  // namespace remesh

@@ -1,0 +1,58 @@
+"""Runs the client of docs/python.md as it stands there, against a real server.
+
+usage: run_docs_client.py REPOSITORY REMESHD
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+
+
+def block(text, language):
+    """The first code block in a language."""
+    return re.search(rf"```{language}\n(.*?)```", text, re.DOTALL).group(1)
+
+
+def wait_for_port(file, server):
+    while not os.path.exists(file):
+        if server.poll() is not None:
+            sys.exit("the server ended")
+        time.sleep(0.02)
+    with open(file, encoding="ascii") as port:
+        return port.read().strip()
+
+
+def main(repository, remeshd):
+    with open(os.path.join(repository, "docs", "python.md"), encoding="utf-8") as file:
+        text = file.read()
+    with tempfile.TemporaryDirectory() as folder:
+        os.symlink(os.path.join(repository, "proto"), os.path.join(folder, "proto"))
+        commands = block(text, "sh").split("\n", 1)[1]  # The packages are there already.
+        subprocess.run(["bash", "-e", "-c", commands], cwd=folder, check=True)
+        with open(os.path.join(folder, "client.py"), "w", encoding="utf-8") as file:
+            file.write(block(text, "python"))
+        port_file = os.path.join(folder, "port")
+        server = subprocess.Popen(
+            [remeshd, "serve", "--data-dir", os.path.join(folder, "data"), "--listen",
+             "127.0.0.1:0", "--port-file", port_file])
+        try:
+            address = "127.0.0.1:" + wait_for_port(port_file, server)
+            mesh = os.path.join(repository, "tests", "data", "aorta.stl")
+            for _ in range(2):  # The second time nothing has to be uploaded.
+                result = subprocess.run(
+                    [sys.executable, "client.py", address, mesh, "5", "aorta.vtu"], cwd=folder,
+                    check=True, stdout=subprocess.PIPE, text=True)
+                quality = re.search(r"\d+ tetrahedra, mean quality (\S+)", result.stdout).group(1)
+                assert 0.85 < float(quality) <= 1.0, result.stdout
+            with open(os.path.join(folder, "aorta.vtu"), "rb") as file:
+                assert b"UnstructuredGrid" in file.read(500)
+        finally:
+            server.terminate()
+            server.wait()
+
+
+if __name__ == "__main__":
+    main(os.path.abspath(sys.argv[1]), os.path.abspath(sys.argv[2]))

@@ -1,0 +1,202 @@
+// TLS: who may listen in, who is let in by certificate, and certificates that change.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <fstream>
+#include <unistd.h>
+#include <vector>
+
+#include "tests/support/certificates.h"
+#include "tests/support/test_server.h"
+
+namespace remesh {
+namespace {
+
+using testing::Authority;
+using testing::CallContext;
+using testing::Identity;
+using testing::ScriptedEngine;
+using testing::TemporaryDirectory;
+using testing::TestServer;
+
+const ScriptedEngine kCopy;
+
+class Tls : public ::testing::Test {
+protected:
+    Tls() {
+        write("server-ca.pem", server_authority_.certificate());
+        write("client-ca.pem", client_authority_.certificate());
+        give(server_authority_.issue("IP:127.0.0.1"));
+    }
+
+    void write(const std::string& name, const std::string& content) const {
+        const auto file = directory_.path() / name;
+        std::ofstream(file.string() + ".new") << content;
+        std::filesystem::rename(file.string() + ".new", file);
+    }
+    void give(const Identity& identity) const {
+        write("server.key", identity.key);
+        write("server.pem", identity.certificate);
+    }
+    std::function<void(ServerOptions&)> with_tls() const {
+        return [this](ServerOptions& options) {
+            options.requires_credentials = true;
+            options.tls = {directory_.path() / "server.pem", directory_.path() / "server.key",
+                           directory_.path() / "client-ca.pem", std::chrono::seconds(1)};
+        };
+    }
+    std::shared_ptr<grpc::ChannelCredentials> trusting(const Authority& authority,
+                                                       const Identity& own = {}) const {
+        return grpc::SslCredentials({authority.certificate(), own.key, own.certificate});
+    }
+    static grpc::Status ask(TestServer& server) {
+        CallContext context(server.token);
+        v1::GetCapabilitiesResponse reply;
+        return server.capabilities->GetCapabilities(&context, {}, &reply);
+    }
+
+    TemporaryDirectory directory_;
+    Authority server_authority_;
+    Authority client_authority_;
+};
+
+TEST_F(Tls, LetsATokenInOverAChannelThatTrustsTheServer) {
+    TestServer server(kCopy, with_tls());
+    server.connect(trusting(server_authority_));
+
+    EXPECT_EQ(ask(server).error_code(), grpc::StatusCode::UNAUTHENTICATED);
+    server.token = server.token_for("clinic");
+    EXPECT_TRUE(ask(server).ok());
+}
+
+TEST_F(Tls, IsntSpokenToInTheClear) {
+    TestServer server(kCopy, with_tls());
+    server.connect(grpc::InsecureChannelCredentials());
+
+    EXPECT_EQ(ask(server).error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST_F(Tls, IsntTrustedWithAnotherAuthority) {
+    TestServer server(kCopy, with_tls());
+    server.connect(trusting(client_authority_));
+
+    EXPECT_EQ(ask(server).error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST_F(Tls, LetsInAClientCertificateForItsTenant) {
+    TestServer server(kCopy, with_tls());
+    AccessStore(server.data_dir())
+        .allow_certificate("pipeline", {"clinic", Role::User, "", {}}, system_now());
+
+    server.connect(trusting(server_authority_, client_authority_.issue("DNS:pipeline")));
+
+    EXPECT_THAT(server.create("mesh").name(), ::testing::StartsWith("tenants/clinic/jobs/"));
+}
+
+TEST_F(Tls, DoesntLetInACertificateForAnotherName) {
+    TestServer server(kCopy, with_tls());
+    AccessStore(server.data_dir())
+        .allow_certificate("pipeline", {"clinic", Role::User, "", {}}, system_now());
+
+    server.connect(trusting(server_authority_, client_authority_.issue("DNS:pipelin")));
+
+    EXPECT_EQ(ask(server).error_code(), grpc::StatusCode::UNAUTHENTICATED);
+}
+
+TEST_F(Tls, DoesntLetInACertificateOfAnotherAuthority) {
+    TestServer server(kCopy, with_tls());
+    AccessStore(server.data_dir())
+        .allow_certificate("pipeline", {"clinic", Role::User, "", {}}, system_now());
+
+    server.connect(trusting(server_authority_, server_authority_.issue("DNS:pipeline")));
+
+    EXPECT_FALSE(ask(server).ok());
+}
+
+TEST_F(Tls, TakesUpACertificateThatWasReplaced) {
+    TestServer server(kCopy, with_tls());
+    server.token = server.token_for("clinic");
+    const Authority successor;
+
+    give(successor.issue("IP:127.0.0.1"));
+
+    // The files are looked at once a second; each attempt is a connection of its own.
+    grpc::Status status;
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    do {
+        server.connect(trusting(successor));
+        status = ask(server);
+    } while (!status.ok() && std::chrono::steady_clock::now() < deadline);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+}
+
+TEST_F(Tls, RefusesToStartWithAKeyThatIsntTheCertificates) {
+    write("server.key", server_authority_.issue("IP:127.0.0.1").key);
+
+    EXPECT_THROW(TestServer(kCopy, with_tls()), std::runtime_error);
+}
+
+TEST_F(Tls, RefusesToStartWithoutItsFiles) {
+    std::filesystem::remove(directory_.path() / "server.pem");
+
+    EXPECT_THROW(TestServer(kCopy, with_tls()), std::runtime_error);
+}
+
+/// Connections that somebody opens and never uses.
+class IdleConnections {
+public:
+    explicit IdleConnections(int port) {
+        address_.sin_family = AF_INET;
+        address_.sin_port = htons(static_cast<std::uint16_t>(port));
+        address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    }
+    ~IdleConnections() { close(); }
+    void open(int count) {
+        for (int i = 0; i < count; ++i) {
+            sockets_.push_back(::socket(AF_INET, SOCK_STREAM, 0));
+            ::connect(sockets_.back(), reinterpret_cast<const sockaddr*>(&address_),
+                      sizeof address_);
+        }
+    }
+    void close() {
+        for (const int socket : sockets_) {
+            ::close(socket);
+        }
+        sockets_.clear();
+    }
+
+private:
+    sockaddr_in address_{};
+    std::vector<int> sockets_;
+};
+
+TEST(Connections, BeyondTheBoundAreClosedAndTheServerGoesOn) {
+    // The test's own ends of the connections count, too: they're in the same process.
+    TestServer server(kCopy, [](ServerOptions& options) { options.max_connections = 100; });
+    const auto colon = server.address().rfind(':');
+    IdleConnections idle(std::stoi(server.address().substr(colon + 1)));
+    const auto ask = [&server] {
+        server.connect(grpc::InsecureChannelCredentials());
+        CallContext context;
+        v1::GetCapabilitiesResponse reply;
+        return server.capabilities->GetCapabilities(&context, {}, &reply);
+    };
+
+    idle.open(300);
+    const grpc::Status while_full = ask();
+    idle.close();
+    grpc::Status afterwards;
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    do {
+        afterwards = ask();
+    } while (!afterwards.ok() && std::chrono::steady_clock::now() < deadline);
+
+    EXPECT_EQ(while_full.error_code(), grpc::StatusCode::UNAVAILABLE);
+    EXPECT_TRUE(afterwards.ok()) << afterwards.error_message();
+}
+
+}  // namespace
+}  // namespace remesh

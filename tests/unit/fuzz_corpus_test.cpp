@@ -1,0 +1,64 @@
+// Every file of the fuzzers' corpus, findings among them: a mesh or an Error, never more.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/io/mesh_io.h"
+
+namespace remesh {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> corpus() {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(REMESH_FUZZ_CORPUS_DIR)) {
+        if (entry.is_regular_file() && entry.path().parent_path().filename() != "request") {
+            files.push_back(entry.path());
+        }
+    }
+    std::sort(files.begin(), files.end());
+    return files;
+}
+
+class FuzzCorpus : public ::testing::TestWithParam<fs::path> {};
+
+TEST_P(FuzzCorpus, IsReadOrRefused) {
+    std::ifstream stream(GetParam(), std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+    const std::string hint = "." + GetParam().parent_path().filename().string();
+
+    try {
+        const SurfaceMesh mesh = read_surface(bytes, hint).mesh;
+
+        for (const auto& triangle : mesh.triangles) {
+            EXPECT_GE(*std::min_element(triangle.begin(), triangle.end()), 0);
+            EXPECT_LT(static_cast<std::size_t>(*std::max_element(triangle.begin(), triangle.end())),
+                      mesh.vertices.size());
+        }
+    } catch (const Error& error) {
+        EXPECT_STRNE(error.what(), "");
+    }
+}
+
+std::string name_of(const ::testing::TestParamInfo<fs::path>& info) {
+    std::string name =
+        info.param.parent_path().filename().string() + "_" + info.param.filename().string();
+    std::replace_if(
+        name.begin(), name.end(),
+        [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+    return name;
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, FuzzCorpus, ::testing::ValuesIn(corpus()), name_of);
+
+}  // namespace
+}  // namespace remesh
