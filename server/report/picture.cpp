@@ -70,19 +70,24 @@ public:
         const int top = std::max(0, static_cast<int>(std::floor(std::min({a.y(), b.y(), c.y()}))));
         const int bottom =
             std::min(height_ - 1, static_cast<int>(std::ceil(std::max({a.y(), b.y(), c.y()}))));
-        const Vec3 heights(std::abs(area) / length(b, c), std::abs(area) / length(c, a),
-                           std::abs(area) / length(a, b));
+        // Barycentric weights are linear in x and y.
+        const std::array<Plane, 3> weights{plane(b, c, area), plane(c, a, area), plane(a, b, area)};
+        const std::array<double, 3> heights{std::abs(area) / length(b, c),
+                                            std::abs(area) / length(c, a),
+                                            std::abs(area) / length(a, b)};
         for (int y = top; y <= bottom; ++y) {
             for (int x = left; x <= right; ++x) {
-                const Vec3 p(x + 0.5, y + 0.5, 0.0);
-                const Vec3 weight = Vec3(cross(b, c, p), cross(c, a, p), cross(a, b, p)) / area;
-                if (weight.minCoeff() < 0.0) {
+                const double u = weights[0].at(x + 0.5, y + 0.5);
+                const double v = weights[1].at(x + 0.5, y + 0.5);
+                const double w = weights[2].at(x + 0.5, y + 0.5);
+                if (u < 0.0 || v < 0.0 || w < 0.0) {
                     continue;
                 }
-                const auto z = static_cast<float>(weight.dot(Vec3(a.z(), b.z(), c.z())));
+                const auto z = static_cast<float>(u * a.z() + v * b.z() + w * c.z());
                 const std::size_t at = index(x, y);
                 if (z > depth_[at]) {
-                    const bool is_edge = weight.cwiseProduct(heights).minCoeff() < edge_width;
+                    const bool is_edge =
+                        std::min({u * heights[0], v * heights[1], w * heights[2]}) < edge_width;
                     depth_[at] = z;
                     colour_[at] =
                         is_edge ? Colour(colour * static_cast<float>(kEdgeShade)) : colour;
@@ -113,6 +118,20 @@ private:
     [[nodiscard]] std::size_t index(int x, int y) const {
         return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
                static_cast<std::size_t>(x);
+    }
+    struct Plane {
+        double dx = 0.0;
+        double dy = 0.0;
+        double offset = 0.0;
+
+        [[nodiscard]] double at(double x, double y) const { return dx * x + dy * y + offset; }
+    };
+
+    /// cross(p, q, .) / area
+    static Plane plane(const Vec3& p, const Vec3& q, double area) {
+        const double dx = -(q.y() - p.y()) / area;
+        const double dy = (q.x() - p.x()) / area;
+        return {dx, dy, -dx * p.x() - dy * p.y()};
     }
     static double cross(const Vec3& a, const Vec3& b, const Vec3& c) {
         return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());

@@ -34,6 +34,7 @@ export class TestServer {
             { stdio: ['ignore', 'ignore', 'pipe'] },
         );
         this.process.stderr.on('data', (text) => (this.log += text));
+        this.process.on('exit', (code, signal) => (this.log += `exit ${code} ${signal}\n`));
         for (let waited = 0; !existsSync(ready); waited += 20) {
             if (this.process.exitCode !== null || waited > 30_000) {
                 throw new Error(`the server didn't come up:\n${this.log}`);
