@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <sstream>
 #include <string>
 #include <utility>
 
@@ -22,6 +24,10 @@ namespace {
 /// tets.
 constexpr double kShellDepth = 1.5;
 constexpr std::size_t kWorstElements = 10;
+constexpr double kTetsPerVolume = 9.0;  // Of the A15 lattice, per h^3.
+constexpr double kHopeless = 1.5;       // Times max_tets: not even tried.
+constexpr int kMaxCoarsenings = 10;
+constexpr double kCoarsenMargin = 1.02;  // Of h, as the boundary takes its share.
 
 /// Enters stages and keeps what each one cost.
 class StageClock {
@@ -107,6 +113,12 @@ void require_valid(const TetMesh& mesh, RunContext& run) {
     throw Error(ErrorCode::Unmeshable, message);
 }
 
+std::string format_length(double length) {
+    std::ostringstream text;
+    text << length;
+    return text.str();
+}
+
 double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
@@ -130,18 +142,22 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
     return report;
 }
 
-}  // namespace
-
-RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run) {
-    validate(options);
-    StageClock clock(run);
+// The paper's steps. Nothing if more tets than max_tets would come out; `tets` says how many.
+std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
+                                    const RemeshOptions& options, StageClock& clock,
+                                    RunContext& run, double& tets) {
+    const double most = options.max_tets ? static_cast<double>(*options.max_tets)
+                                         : std::numeric_limits<double>::infinity();
     RemeshResult result;
-    result.edge_length = options.edge_length ? *options.edge_length : suggest_edge_length(input);
-    const double h = result.edge_length;
+    result.edge_length = h;
 
     clock.enter(Stage::Prepare);
     auto prepared = prepare_surface(input, h, options.prepare, run);
     const Domain& domain = *prepared.domain;
+    tets = kTetsPerVolume * std::abs(prepared.facts.volume) / (h * h * h);
+    if (tets > kHopeless * most) {
+        return std::nullopt;
+    }
     if (run.wants_preview()) {
         run.preview(cluster(domain.boundary()));
     }
@@ -172,6 +188,10 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     clock.enter(Stage::Carve);
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
     delaunay = {};
+    tets = static_cast<double>(carved.mesh.tets.size());
+    if (tets > most) {
+        return std::nullopt;
+    }
     if (run.wants_preview()) {
         run.preview(cluster(boundary_surface(carved.mesh)));
     }
@@ -180,6 +200,10 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run);
     carved = {};
     particles = {};
+    tets = static_cast<double>(improved.mesh.tets.size());
+    if (tets > most) {
+        return std::nullopt;
+    }
 
     clock.enter(Stage::Verify);
     require_valid(improved.mesh, run);
@@ -191,8 +215,37 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
 
     clock.enter(Stage::Report);
     result.report = make_report(std::move(prepared), result, run);
-    result.report.costs = clock.finish();
+    result.report.bounds = check_bounds(result.report, options.bounds);
     return result;
+}
+
+}  // namespace
+
+RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run) {
+    validate(options);
+    StageClock clock(run);
+    const double asked = options.edge_length ? *options.edge_length : suggest_edge_length(input);
+    double h = asked;
+    for (int attempt = 0; attempt < kMaxCoarsenings; ++attempt) {
+        double tets = 0.0;
+        if (auto result = mesh_at(h, input, options, clock, run, tets)) {
+            if (h > asked) {
+                result->report.coarsened_from = asked;
+                run.warn({"COARSENED",
+                          "the edge length was raised from " + format_length(asked) + " to " +
+                              format_length(h) + " for at most " +
+                              std::to_string(*options.max_tets) + " tets",
+                          std::nullopt});
+            }
+            result->report.costs = clock.finish();
+            return std::move(*result);
+        }
+        h *= kCoarsenMargin * std::cbrt(tets / static_cast<double>(*options.max_tets));
+    }
+    throw Error(ErrorCode::TooLarge,
+                "no edge length was found at which there are at most "
+                "max_tets = " +
+                    std::to_string(*options.max_tets) + " tets");
 }
 
 void validate(const RemeshOptions& options) {
@@ -208,6 +261,14 @@ void validate(const RemeshOptions& options) {
     validate(options.relax);
     validate(options.carve);
     validate(options.improve);
+    validate(options.bounds, options.tetrahedra);
+    if (options.max_tets && (*options.max_tets < 100 || !options.tetrahedra)) {
+        throw Error(ErrorCode::InvalidInput,
+                    options.tetrahedra
+                        ? "max_tets must be >= 100, got " + std::to_string(*options.max_tets)
+                        : "max_tets must be absent in a job without tetrahedra, got " +
+                              std::to_string(*options.max_tets));
+    }
 }
 
 }  // namespace remesh

@@ -6,6 +6,7 @@
 
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
+#include "core/stages/bounds.h"
 #include "core/stages/carve.h"
 #include "core/stages/features.h"
 #include "core/stages/improve.h"
@@ -28,12 +29,15 @@ struct RemeshOptions {
     RelaxOptions relax{};
     CarveOptions carve{};
     ImproveOptions improve{};
+    BoundOptions bounds{};  ///< Checked in the report; a result that breaks them is returned too.
+    /// More tets than this make the edge length grow until they fit, >= 100; absent: any number.
+    std::optional<std::int64_t> max_tets{};
 };
 
 struct RemeshResult {
     SurfaceMesh surface{};     ///< Closed, manifold, free of self-intersections, facing outward.
     TetMesh tets{};            ///< Empty for a surface-only run.
-    double edge_length = 0.0;  ///< That was asked for or chosen.
+    double edge_length = 0.0;  ///< That was asked for or chosen, raised where max_tets wanted it.
     QualityReport report{};
 };
 

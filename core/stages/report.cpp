@@ -311,6 +311,15 @@ std::string to_json(const QualityReport& report) {
                                  {"min_dihedral", element.min_dihedral},
                                  {"at", json_of(element.at)}});
     }
+    json["bounds"] = nlohmann::json::array();
+    for (const BoundCheck& check : report.bounds) {
+        json["bounds"].push_back({{"name", check.name},
+                                  {"bound", check.bound},
+                                  {"value", check.value},
+                                  {"holds", check.holds}});
+    }
+    json["coarsened_from"] =
+        report.coarsened_from ? nlohmann::json(*report.coarsened_from) : nlohmann::json();
     json["costs"] = nlohmann::json::array();
     for (const auto& cost : report.costs) {
         json["costs"].push_back({{"stage", stage_name(cost.stage)},

@@ -64,6 +64,15 @@ struct WorstElement {
     Vec3 at = Vec3::Zero();     ///< Centroid, model units.
 };
 
+/// One bound that was asked for.
+struct BoundCheck {
+    std::string name{};  ///< "min_dihedral" (degrees), "max_deviation" (model units) or
+                         ///< "max_volume_change" (share of the volume before).
+    double bound = 0.0;
+    double value = 0.0;
+    bool holds = false;
+};
+
 struct QualityReport {
     InputFacts input{};
     std::vector<Defect> defects{};
@@ -75,7 +84,9 @@ struct QualityReport {
     Deviation input_to_output{};
     double volume_change = 0.0;  ///< (after - before) / before.
     double area_change = 0.0;
-    std::vector<WorstElement> worst{};  ///< At most 10, worst first.
+    std::vector<WorstElement> worst{};       ///< At most 10, worst first.
+    std::vector<BoundCheck> bounds{};        ///< Those asked for.
+    std::optional<double> coarsened_from{};  ///< The edge length before max_tets raised it.
     struct StageCost {
         Stage stage = Stage::Read;
         double seconds = 0.0;   ///< CPU seconds of this process.
