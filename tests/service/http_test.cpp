@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <httplib.h>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,6 +9,9 @@
 #include "server/store/digest.h"
 #include "tests/support/scripted_engine.h"
 #include "tests/support/test_server.h"
+
+// Last: it brings resolv.h, whose macro _res is a name in Eigen's headers.
+#include <httplib.h>
 
 namespace remesh::testing {
 namespace {
