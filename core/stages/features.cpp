@@ -18,6 +18,7 @@ constexpr double kConsistentDensity = 0.35;  // Sharp-edge density below which e
 constexpr double kCoarseEdge = 2.5;          // or mean edge over h above which they are.
 constexpr double kTipDeficit = 1.2;          // Missing angle around a point-like tip, radians.
 constexpr double kShortCurve = 2.0;          // Times h: sets whose curves are shorter are noise.
+constexpr double kFreeEnd = 2.0;             // Sets with an end in the open must be so much longer.
 constexpr double kBeyondRim = 0.6;           // Of h: where the other side of a seam is looked for.
 constexpr double kOffBoundary = 0.05;        // Of h: how far off the domain a feature may lie.
 
@@ -102,7 +103,8 @@ private:
                n.dot(beyond.normal) < cosine_of(options_.sharp_angle);
     }
 
-    /// Connected sets that are short, or of short curves between corners, aren't features.
+    /// Connected sets that are short, or of short curves between corners, aren't features. A crease
+    /// that fades out, as on a smooth organ, is less likely one than an edge that closes or joins.
     void drop_noise() {
         DisjointSets sets(surface_.vertices.size());
         is_sharp_vertex_.assign(surface_.vertices.size(), 0);
@@ -114,16 +116,18 @@ private:
         const auto set_of = [&](Index v) { return static_cast<std::size_t>(sets.find(v)); };
         std::vector<double> length(surface_.vertices.size(), 0.0);
         std::vector<double> curves(surface_.vertices.size(), 0.0);
+        std::vector<double> needed(surface_.vertices.size(), 1.0);  // Of the shortest length.
         for (const Segment& s : segments_) {
             length[set_of(s.a)] += (at(s.a) - at(s.b)).norm();
         }
         for (std::size_t i = 0; i < is_corner_.size(); ++i) {
             const auto v = static_cast<Index>(i);
             curves[set_of(v)] += is_corner_[i] ? 0.5 * static_cast<double>(degree(v)) : 0.0;
+            needed[set_of(v)] *= degree(v) == 1 ? kFreeEnd : 1.0;
         }
         std::erase_if(segments_, [&](const Segment& s) {
             const std::size_t set = set_of(s.a);
-            return length[set] < options_.min_length * h_ ||
+            return length[set] < std::min(needed[set], kFreeEnd) * options_.min_length * h_ ||
                    length[set] < kShortCurve * h_ * curves[set];
         });
     }

@@ -14,7 +14,8 @@ struct FeatureOptions {
     double sharp_angle = 40.0;  ///< An edge bent by more than this is sharp, degrees, in (0, 180).
     double corner_angle =
         50.0;  ///< A curve that turns by more than this has a corner, degrees, in (0, 180).
-    double min_length = 6.0;  ///< Connected features shorter than this times h are noise, >= 0.
+    double min_length = 6.0;  ///< Connected features shorter than this times h are noise, and twice
+                              ///< as long ones if they fade out; >= 0.
 };
 
 /// A polyline on the boundary that edges of the mesh must follow.
