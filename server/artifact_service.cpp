@@ -19,8 +19,12 @@ namespace {
 class Upload final : public grpc::ServerReadReactor<v1::UploadArtifactRequest> {
 public:
     Upload(ArtifactStore& artifacts, Executor& executor, std::int64_t max_bytes,
-           v1::UploadArtifactResponse& reply)
-        : artifacts_(artifacts), executor_(executor), max_bytes_(max_bytes), reply_(reply) {
+           std::optional<std::int64_t> max_tenant_bytes, v1::UploadArtifactResponse& reply)
+        : artifacts_(artifacts),
+          executor_(executor),
+          max_bytes_(max_bytes),
+          max_tenant_bytes_(max_tenant_bytes),
+          reply_(reply) {
         StartRead(&chunk_);
     }
 
@@ -98,7 +102,11 @@ private:
             refuse("digest", "must be that of the bytes: " + std::to_string(artifact.size) +
                                  " bytes with SHA-256 " + artifact.sha256 + " came");
         }
-        artifacts_.add(std::move(*draft_), system_now());
+        if (!artifacts_.add(std::move(*draft_), system_now(), max_tenant_bytes_)) {
+            throw JobError(JobErrorCode::LimitPassed,
+                           "the tenant may keep no more bytes; delete jobs that aren't needed",
+                           "tenants/" + tenant_ + "/bytes");
+        }
         answer(artifact, false);
     }
 
@@ -111,6 +119,7 @@ private:
     ArtifactStore& artifacts_;
     Executor& executor_;
     const std::int64_t max_bytes_;
+    const std::optional<std::int64_t> max_tenant_bytes_;
     v1::UploadArtifactResponse& reply_;
     const std::string tenant_{kDefaultTenant};
     v1::UploadArtifactRequest chunk_;
@@ -225,10 +234,13 @@ public:
 }  // namespace
 
 ArtifactService::ArtifactService(ArtifactStore& artifacts, Executor& executor,
-                                 std::int64_t max_artifact_bytes, IsDraining is_draining)
+                                 std::int64_t max_artifact_bytes,
+                                 std::optional<std::int64_t> max_tenant_bytes,
+                                 IsDraining is_draining)
     : artifacts_(artifacts),
       executor_(executor),
       max_artifact_bytes_(max_artifact_bytes),
+      max_tenant_bytes_(max_tenant_bytes),
       is_draining_(std::move(is_draining)) {}
 
 grpc::ServerReadReactor<v1::UploadArtifactRequest>* ArtifactService::UploadArtifact(
@@ -236,7 +248,7 @@ grpc::ServerReadReactor<v1::UploadArtifactRequest>* ArtifactService::UploadArtif
     if (is_draining_()) {
         return new RefusedUpload(shutting_down_status());
     }
-    return new Upload(artifacts_, executor_, max_artifact_bytes_, *reply);
+    return new Upload(artifacts_, executor_, max_artifact_bytes_, max_tenant_bytes_, *reply);
 }
 
 grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* ArtifactService::DownloadArtifact(

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "server/executor.h"
@@ -18,7 +19,7 @@ public:
     using IsDraining = std::function<bool()>;
 
     ArtifactService(ArtifactStore& artifacts, Executor& executor, std::int64_t max_artifact_bytes,
-                    IsDraining is_draining);
+                    std::optional<std::int64_t> max_tenant_bytes, IsDraining is_draining);
 
     grpc::ServerReadReactor<v1::UploadArtifactRequest>* UploadArtifact(
         grpc::CallbackServerContext* context, v1::UploadArtifactResponse* reply) override;
@@ -29,6 +30,7 @@ private:
     ArtifactStore& artifacts_;
     Executor& executor_;
     const std::int64_t max_artifact_bytes_;
+    const std::optional<std::int64_t> max_tenant_bytes_;  ///< Unless a tenant's policy says more.
     const IsDraining is_draining_;
 };
 

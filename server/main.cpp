@@ -1,12 +1,13 @@
 #include <CLI/CLI.hpp>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include <csignal>
+#include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,9 +15,11 @@
 #include "server/healthcheck.h"
 #include "server/http_server.h"
 #include "server/jobs/remesh_engine.h"
+#include "server/logging.h"
 #include "server/machine.h"
 #include "server/server.h"
 #include "server/version.h"
+#include "server/work.h"
 
 namespace {
 
@@ -28,52 +31,50 @@ constexpr std::chrono::seconds kShutdownGrace{7};
 
 struct ServeFlags {
     ServerOptions server{};
+    remesh::WorkFlags work{};
     std::string http{};
     std::string port_file{};
-    std::string log_level = "info";
+    int keep_jobs_days = 0;
+    int keep_uploads_hours = 24;
     bool allows_any_address = false;
 };
 
 void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
     ServerOptions& server = flags.server;
-    serve.add_option("--data-dir", server.data_dir, "Where jobs and artifacts live")->required();
+    remesh::add_work_flags(serve, flags.work, 0);
     serve.add_option("--listen", server.listen, "HOST:PORT (port 0: any) or unix:PATH")
         ->capture_default_str();
     serve.add_option("--http", flags.http, "HOST:PORT for /healthz and /readyz");
-    serve.add_option("--workers", server.workers.workers, "Jobs that run side by side")
-        ->check(CLI::Range(1, 256))
-        ->capture_default_str();
-    serve.add_option("--threads", server.workers.threads, "Threads of each job")
-        ->check(CLI::Range(1, 1024))
-        ->default_str("the processors, divided among the workers");
-    serve.add_option("--max-queued", server.registry.max_queued, "Jobs that may wait")
+    serve.add_option("--max-queued", server.registry.limits.max_queued, "Jobs that may wait")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
         ->capture_default_str();
     serve.add_option("--max-artifact-bytes", server.max_artifact_bytes, "Largest upload")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
     serve
-        .add_option_function<int>(
-            "--max-run-time",
-            [&](int seconds) { server.registry.max_run_time = std::chrono::seconds(seconds); },
-            "Longest time a job may run, seconds")
-        ->check(CLI::PositiveNumber)
-        ->default_str("86400");
-    serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
-    serve.add_option("--log-level", flags.log_level, "debug, info, warn or error")
-        ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
+        .add_option("--tenant-max-queued", server.registry.limits.max_queued_of_tenant,
+                    "Jobs of one tenant that may wait")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
         ->capture_default_str();
+    serve
+        .add_option("--tenant-max-bytes", server.registry.limits.max_bytes_of_tenant,
+                    "Bytes that one tenant may keep, inputs and results")
+        ->check(CLI::PositiveNumber)
+        ->default_str("no limit");
+    serve
+        .add_option("--keep-jobs", flags.keep_jobs_days,
+                    "Days after which finished jobs and their files are deleted")
+        ->check(CLI::PositiveNumber)
+        ->default_str("never");
+    serve
+        .add_option("--keep-uploads", flags.keep_uploads_hours,
+                    "Hours after which uploads that no job needs are deleted")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
     serve.add_flag("--reflection", server.with_reflection, "Serve gRPC reflection");
     serve.add_flag("--insecure-bind", flags.allows_any_address,
                    "Listen beyond this machine without TLS: a proxy does it");
-}
-
-void set_up_log(const std::string& level) {
-    auto logger = spdlog::stderr_logger_mt("remeshd");
-    logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%eZ level=%l %v", spdlog::pattern_time_type::utc);
-    logger->set_level(spdlog::level::from_str(level));
-    logger->flush_on(spdlog::level::info);
-    spdlog::set_default_logger(std::move(logger));
 }
 
 /// Whoever waits for the file never sees half of it.
@@ -94,22 +95,24 @@ void require_loopback(const std::string& address) {
 }
 
 int serve(ServeFlags flags) {
-    set_up_log(flags.log_level);
+    remesh::set_up_log(flags.work.log_level);
     if (!flags.allows_any_address) {
         require_loopback(flags.server.listen);
         if (!flags.http.empty()) {
             require_loopback(flags.http);
         }
     }
-    // Blocked in all threads, which inherit it, and waited for below.
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGTERM);
-    sigaddset(&signals, SIGINT);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    std::signal(SIGPIPE, SIG_IGN);
+    remesh::block_signals();
+    complete(flags.work);
+    flags.server.data_dir = flags.work.data_dir;
+    flags.server.workforce = workforce_options(flags.work);
+    flags.server.registry.workers = std::max(1, flags.work.workers.workers);
+    flags.server.housekeeping.keep_uploads = std::chrono::hours(flags.keep_uploads_hours);
+    if (flags.keep_jobs_days > 0) {
+        flags.server.housekeeping.keep_jobs = std::chrono::hours(24) * flags.keep_jobs_days;
+    }
 
-    const remesh::RemeshEngine engine;
+    const remesh::RemeshEngine engine(max_job_bytes(flags.work));
     Server server(flags.server, engine);
     std::optional<remesh::HttpServer> http;
     if (!flags.http.empty()) {
@@ -119,12 +122,10 @@ int serve(ServeFlags flags) {
         write_port(flags.port_file, server.port());
     }
     spdlog::info("event=serving version={} listen={} port={} workers={} threads={}",
-                 remesh::kVersion, flags.server.listen, server.port(), flags.server.workers.workers,
-                 flags.server.workers.threads);
+                 remesh::kVersion, flags.server.listen, server.port(), flags.work.workers.workers,
+                 flags.work.workers.threads);
 
-    int signal = 0;
-    sigwait(&signals, &signal);
-    spdlog::info("event=stopping signal={}", signal);
+    spdlog::info("event=stopping signal={}", remesh::wait_for_signal());
     const bool is_idle = server.shut_down(kShutdownGrace);
     spdlog::info("event=stopped");
     if (!is_idle) {
@@ -142,9 +143,11 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
 
     ServeFlags flags;
-    flags.server.workers.threads = 0;
     auto* serve_command = app.add_subcommand("serve", "Serve the API and run jobs");
     add_serve_flags(*serve_command, flags);
+
+    std::function<int()> chosen;
+    remesh::add_work(app, chosen);
 
     std::string health_address = "127.0.0.1:50051";
     auto* health_command =
@@ -157,9 +160,8 @@ int main(int argc, char** argv) {
         if (health_command->parsed()) {
             return remesh::is_serving(health_address) ? EXIT_SUCCESS : EXIT_FAILURE;
         }
-        if (flags.server.workers.threads == 0) {
-            flags.server.workers.threads =
-                std::max(1, remesh::available_processors() / flags.server.workers.workers);
+        if (chosen) {
+            return chosen();
         }
         return serve(std::move(flags));
     } catch (const std::exception& error) {

@@ -8,11 +8,13 @@
 #include "server/artifact_service.h"
 #include "server/convert.h"
 #include "server/executor.h"
-#include "server/jobs/worker_pool.h"
+#include "server/jobs/housekeeper.h"
 #include "server/service.h"
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
+#include "server/store/worker_roster.h"
 #include "server/watch_stream.h"
+#include "server/workforce.h"
 
 namespace grpc {
 class Server;
@@ -26,11 +28,13 @@ struct ServerOptions {
     bool with_reflection = false;
     std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
     RegistryOptions registry{};
-    WorkerOptions workers{};
+    WorkforceOptions workforce{};
+    HousekeeperOptions housekeeping{};
     WatchOptions watches{};
 };
 
-/// A whole server but for its process: data directory, registry, workers and the gRPC port.
+/// A whole server but for its process: data directory, registry, workers (here or in processes of
+/// their own) and the gRPC port.
 class Server {
 public:
     /// \throws StoreError if the data directory can't be used; std::runtime_error if the address
@@ -55,6 +59,7 @@ private:
     void listen(const ServerOptions& options);
 
     DataDir data_dir_;
+    WorkerRoster roster_;
     std::unique_ptr<JobStore> store_;
     ArtifactStore artifacts_;
     ProtoCodec codec_;
@@ -66,7 +71,8 @@ private:
     CapabilityService capabilities_;
     int port_ = 0;
     std::unique_ptr<grpc::Server> server_;
-    std::unique_ptr<WorkerPool> workers_;
+    Housekeeper housekeeper_;
+    std::unique_ptr<Workforce> workforce_;
 };
 
 }  // namespace remesh

@@ -36,6 +36,12 @@ grpc::ServerUnaryReactor* finish_with(grpc::CallbackServerContext* context, Exec
     throw JobError({FieldProblem{field, field + " " + message}});
 }
 
+void check_request_id(const std::string& id) {
+    if (id.size() > kMaxRequestId) {
+        refuse("request_id", "must have at most 128 characters, got " + std::to_string(id.size()));
+    }
+}
+
 std::int64_t page_of(const std::string& token) {
     std::int64_t before = 0;
     const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), before);
@@ -52,10 +58,7 @@ JobService::JobService(JobRegistry& registry, ArtifactStore& artifacts, WatchHub
     : registry_(registry), artifacts_(artifacts), watches_(watches), executor_(executor) {}
 
 v1::Job JobService::create(const v1::CreateJobRequest& request) {
-    if (request.request_id().size() > kMaxRequestId) {
-        refuse("request_id", "must have at most 128 characters, got " +
-                                 std::to_string(request.request_id().size()));
-    }
+    check_request_id(request.request_id());
     JobRegistry::Submission submission{
         tenant_of(request.parent()), request.request_id(), {}, request.validate_only()};
     v1::JobSpec spec = request.spec();
@@ -137,6 +140,14 @@ grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* con
                                                 v1::Job* reply) {
     return finish_with(context, executor_, [=, this] {
         *reply = to_proto(registry_.cancel(job_key_of(request->name())));
+    });
+}
+
+grpc::ServerUnaryReactor* JobService::RetryJob(grpc::CallbackServerContext* context,
+                                               const v1::RetryJobRequest* request, v1::Job* reply) {
+    return finish_with(context, executor_, [=, this] {
+        check_request_id(request->request_id());
+        *reply = to_proto(registry_.retry(job_key_of(request->name()), request->request_id()));
     });
 }
 
