@@ -246,11 +246,20 @@ void check_sqlite_store(const std::filesystem::path& file) {
         return;
     }
     sqlite::Connection connection(file.string(), sqlite::Connection::Mode::ReadOnly);
-    sqlite::require_own(connection);
-    sqlite::Statement row(connection, "PRAGMA quick_check(1)");
-    if (!row.next() || row.text(0) != "ok") {
-        throw StoreError("store: the database is damaged: " + row.text(0));
+    std::string problem;
+    try {
+        sqlite::Statement row(connection, "PRAGMA quick_check(1)");
+        problem = row.next() ? row.text(0) : "no answer";
+    } catch (const StoreError& error) {
+        problem = error.what();
     }
+    if (problem != "ok") {
+        throw StoreError("store: " + file.string() +
+                         " is damaged or no database, and was left as it is; restore it from a "
+                         "backup, or move it away to begin anew: " +
+                         problem);
+    }
+    sqlite::require_own(connection);
 }
 
 }  // namespace remesh

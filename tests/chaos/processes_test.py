@@ -35,6 +35,8 @@ class Processes(unittest.TestCase):
         if self.server and self.server.process.poll() is None:
             self.server.process.kill()
             self.server.process.wait()
+        if self.server:
+            self.server.log.close()
         shutil.rmtree(self.folder)
 
     def serve(self, *flags):
@@ -55,14 +57,17 @@ class Processes(unittest.TestCase):
         return json.loads(subprocess.run(self.client("--json", "show", job), stdout=subprocess.PIPE,
                                          check=True).stdout)
 
-    def wait_for_progress(self, job):
-        """Waits until a worker is in the midst of it, which the events say that the watch brings."""
-        watch = subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True)
-        for line in watch.stdout:
-            if "sample" in json.loads(line):
-                break
-        watch.kill()
-        watch.communicate()
+    def wait_for_progress(self, job, attempt=1):
+        """Waits until a worker is in the midst of an attempt, by the events that a watch brings."""
+        with subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True) as watch:
+            now = 0
+            for line in watch.stdout:
+                event = json.loads(line)
+                if event.get("sequence", 0) and "snapshot" in event:
+                    now = event["snapshot"].get("attempt", 0)
+                if "sample" in event and now == attempt:
+                    break
+            watch.kill()
 
     def kill_worker(self):
         workers = self.server.workers()
@@ -72,14 +77,14 @@ class Processes(unittest.TestCase):
     def test_a_killed_worker_costs_one_attempt_and_no_connection(self):
         self.serve()
         job = self.submit(*LONG_JOB)
-        watch = subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True)
-        for line in watch.stdout:
-            if "sample" in json.loads(line):
-                break
-        self.kill_worker()
-        events = [json.loads(line) for line in watch.stdout]
+        with subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True) as watch:
+            for line in watch.stdout:
+                if "sample" in json.loads(line):
+                    break
+            self.kill_worker()
+            events = [json.loads(line) for line in watch.stdout]
 
-        self.assertEqual(watch.wait(DEADLINE), 0)
+        self.assertEqual(watch.returncode, 0)
         self.assertEqual(self.show(job)["attempt"], 2)
         self.assertIsNone(self.server.process.poll())
         sequences = [int(event["sequence"]) for event in events if event.get("sequence")]
@@ -88,8 +93,8 @@ class Processes(unittest.TestCase):
     def test_a_job_that_crashes_two_workers_is_quarantined(self):
         self.serve()
         job = self.submit(*LONG_JOB)
-        for _ in range(2):
-            self.wait_for_progress(job)
+        for attempt in (1, 2):
+            self.wait_for_progress(job, attempt)
             self.kill_worker()
 
         self.assertEqual(self.watch(job), 4)
@@ -97,11 +102,12 @@ class Processes(unittest.TestCase):
         other = self.submit(*SHORT_JOB)
         self.assertEqual(self.watch(other), 0)
 
-    def test_a_cancel_reaches_the_worker_process_within_a_second(self):
+    def test_a_cancel_reaches_the_worker_process(self):
         self.serve()
         job = self.submit(*LONG_JOB)
         self.wait_for_progress(job)
-        subprocess.run(self.client("cancel", job), check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(self.client("cancel", job), check=True, stdout=subprocess.DEVNULL,
+                       stderr=subprocess.DEVNULL)
         self.assertEqual(self.watch(job), 5)
         shown = self.show(job)
         self.assertIn("CANCELLED", shown["state"])
