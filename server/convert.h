@@ -86,7 +86,9 @@ private:
 class ProtoCodec final : public JobCodec {
 public:
     [[nodiscard]] JobRequest decode_spec(std::string_view spec) const override;
+    [[nodiscard]] std::string cache_key(std::string_view spec) const override;
     [[nodiscard]] std::string encode_event(const JobEventBody& event) const override;
+    [[nodiscard]] Progress decode_progress(std::string_view event) const override;
     [[nodiscard]] std::string encode_result(std::string_view spec,
                                             const JobResult& result) const override;
     [[nodiscard]] std::string encode_failure(const JobFailure& failure) const override;

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 #include <thread>
+#include <unistd.h>
 
 namespace remesh {
 
@@ -25,6 +26,22 @@ int available_processors() {
     std::getline(file, line);
     const int quota = processors_of_quota(line);
     return quota > 0 ? std::min(quota, machine) : machine;
+}
+
+std::int64_t bytes_of_limit(const std::string& memory_max) {
+    std::istringstream in(memory_max);
+    std::int64_t bytes = 0;
+    return in >> bytes && bytes > 0 ? bytes : 0;
+}
+
+std::int64_t available_memory() {
+    const std::int64_t machine =
+        static_cast<std::int64_t>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGESIZE);
+    std::ifstream file("/sys/fs/cgroup/memory.max");
+    std::string line;
+    std::getline(file, line);
+    const std::int64_t limit = bytes_of_limit(line);
+    return limit > 0 ? std::min(limit, machine) : machine;
 }
 
 bool is_loopback(const std::string& address) {

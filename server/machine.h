@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 namespace remesh {
@@ -10,6 +11,13 @@ namespace remesh {
 
 /// What a cpu.max file grants, rounded up; 0 if it says "max" or can't be understood.
 [[nodiscard]] int processors_of_quota(const std::string& cpu_max);
+
+/// Memory that this process and its children may use, bytes: the cgroup's limit (memory.max) if
+/// there is one, else the machine's.
+[[nodiscard]] std::int64_t available_memory();
+
+/// What a memory.max file grants; 0 if it says "max" or can't be understood.
+[[nodiscard]] std::int64_t bytes_of_limit(const std::string& memory_max);
 
 /// Whether HOST:PORT or unix:PATH can only be reached from this machine.
 [[nodiscard]] bool is_loopback(const std::string& address);

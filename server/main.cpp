@@ -1,9 +1,9 @@
 #include <CLI/CLI.hpp>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
-#include <csignal>
+#include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
@@ -20,9 +20,11 @@
 #include "server/healthcheck.h"
 #include "server/http_server.h"
 #include "server/jobs/remesh_engine.h"
+#include "server/logging.h"
 #include "server/machine.h"
 #include "server/server.h"
 #include "server/version.h"
+#include "server/work.h"
 
 namespace {
 
@@ -34,27 +36,23 @@ constexpr std::chrono::seconds kShutdownGrace{7};
 
 struct ServeFlags {
     ServerOptions server{};
+    remesh::WorkFlags work{};
     std::string http{};
     std::string port_file{};
     std::string http_port_file{};
-    std::string log_level = "info";
+    int keep_jobs_days = 0;
+    int keep_uploads_hours = 24;
     bool allows_any_address = false;
 };
 
 void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
     ServerOptions& server = flags.server;
-    serve.add_option("--data-dir", server.data_dir, "Where jobs and artifacts live")->required();
+    remesh::add_work_flags(serve, flags.work, 0);
     serve.add_option("--listen", server.listen, "HOST:PORT (port 0: any) or unix:PATH")
         ->capture_default_str();
     serve.add_option("--http", flags.http,
                      "HOST:PORT for the dashboard, /metrics, /healthz and /readyz (port 0: any)");
-    serve.add_option("--workers", server.workers.workers, "Jobs that run side by side")
-        ->check(CLI::Range(1, 256))
-        ->capture_default_str();
-    serve.add_option("--threads", server.workers.threads, "Threads of each job")
-        ->check(CLI::Range(1, 1024))
-        ->default_str("the processors, divided among the workers");
-    serve.add_option("--max-queued", server.registry.max_queued, "Jobs that may wait")
+    serve.add_option("--max-queued", server.registry.limits.max_queued, "Jobs that may wait")
         ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
         ->capture_default_str();
     serve.add_option("--max-connections", server.max_connections, "More are closed as they come")
@@ -64,17 +62,27 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
     serve
-        .add_option_function<int>(
-            "--max-run-time",
-            [&](int seconds) { server.registry.max_run_time = std::chrono::seconds(seconds); },
-            "Longest time a job may run, seconds")
+        .add_option("--tenant-max-queued", server.registry.limits.max_queued_of_tenant,
+                    "Jobs of one tenant that may wait")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
+        ->capture_default_str();
+    serve
+        .add_option("--tenant-max-bytes", server.registry.limits.max_bytes_of_tenant,
+                    "Bytes that one tenant may keep, inputs and results")
         ->check(CLI::PositiveNumber)
-        ->default_str("86400");
+        ->default_str("no limit");
+    serve
+        .add_option("--keep-jobs", flags.keep_jobs_days,
+                    "Days after which finished jobs and their files are deleted")
+        ->check(CLI::PositiveNumber)
+        ->default_str("never");
+    serve
+        .add_option("--keep-uploads", flags.keep_uploads_hours,
+                    "Hours after which uploads that no job needs are deleted")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
     serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
     serve.add_option("--http-port-file", flags.http_port_file, "The same of --http");
-    serve.add_option("--log-level", flags.log_level, "debug, info, warn or error")
-        ->check(CLI::IsMember({"debug", "info", "warn", "error"}))
-        ->capture_default_str();
     serve.add_flag("--reflection", server.with_reflection, "Serve gRPC reflection");
     serve.add_flag("--insecure-bind", flags.allows_any_address,
                    "Listen beyond this machine without TLS and credentials: a proxy sees to both");
@@ -89,14 +97,6 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
         .add_option("--tls-client-ca", server.tls.client_ca,
                     "PEM authorities that client certificates may come from")
         ->needs(certificate);
-}
-
-void set_up_log(const std::string& level) {
-    auto logger = spdlog::stderr_logger_mt("remeshd");
-    logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%eZ level=%l %v", spdlog::pattern_time_type::utc);
-    logger->set_level(spdlog::level::from_str(level));
-    logger->flush_on(spdlog::level::info);
-    spdlog::set_default_logger(std::move(logger));
 }
 
 /// Whoever waits for the file never sees half of it.
@@ -156,7 +156,7 @@ remesh::HttpServer::Sources http_sources_of(Server& server) {
 }
 
 int serve(ServeFlags flags) {
-    set_up_log(flags.log_level);
+    remesh::set_up_log(flags.work.log_level);
     if (!flags.allows_any_address) {
         require_safe(flags.server.listen,
                      flags.server.tls.is_on() && flags.server.requires_credentials);
@@ -165,16 +165,18 @@ int serve(ServeFlags flags) {
         }
     }
     raise_file_limit();
-    // Blocked in all threads, which inherit it, and waited for below.
-    sigset_t signals;
-    sigemptyset(&signals);
-    sigaddset(&signals, SIGTERM);
-    sigaddset(&signals, SIGINT);
-    pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-    std::signal(SIGPIPE, SIG_IGN);
-
-    const remesh::RemeshEngine engine(remesh::option_rows);
+    remesh::block_signals();
+    complete(flags.work);
+    flags.server.data_dir = flags.work.data_dir;
+    flags.server.workforce = workforce_options(flags.work);
+    flags.server.registry.workers = std::max(1, flags.work.workers.workers);
+    flags.server.housekeeping.keep_uploads = std::chrono::hours(flags.keep_uploads_hours);
+    if (flags.keep_jobs_days > 0) {
+        flags.server.housekeeping.keep_jobs = std::chrono::hours(24) * flags.keep_jobs_days;
+    }
     flags.server.inspector = remesh::inspector_in_child("/proc/self/exe");
+
+    const remesh::RemeshEngine engine(max_job_bytes(flags.work), remesh::option_rows);
     Server server(flags.server, engine);
     std::optional<remesh::HttpServer> http;
     if (!flags.http.empty()) {
@@ -188,12 +190,10 @@ int serve(ServeFlags flags) {
         write_port(flags.port_file, server.port());
     }
     spdlog::info("event=serving version={} listen={} port={} workers={} threads={}",
-                 remesh::kVersion, flags.server.listen, server.port(), flags.server.workers.workers,
-                 flags.server.workers.threads);
+                 remesh::kVersion, flags.server.listen, server.port(), flags.work.workers.workers,
+                 flags.work.workers.threads);
 
-    int signal = 0;
-    sigwait(&signals, &signal);
-    spdlog::info("event=stopping signal={}", signal);
+    spdlog::info("event=stopping signal={}", remesh::wait_for_signal());
     const bool is_idle = server.shut_down(kShutdownGrace);
     spdlog::info("event=stopped");
     if (!is_idle) {
@@ -211,9 +211,12 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
 
     ServeFlags flags;
-    flags.server.workers.threads = 0;
     auto* serve_command = app.add_subcommand("serve", "Serve the API and run jobs");
     add_serve_flags(*serve_command, flags);
+
+    std::function<int()> chosen;
+    remesh::add_work(app, chosen);
+    remesh::add_admin(app, chosen);
 
     std::string health_address = "127.0.0.1:50051";
     auto* health_command =
@@ -224,9 +227,6 @@ int main(int argc, char** argv) {
     health_command->add_option("--tls-ca", health_ca, "PEM authority of a server that speaks TLS")
         ->check(CLI::ExistingFile);
 
-    std::function<int()> administration;
-    remesh::add_admin(app, administration);
-
     // For `serve` itself: it looks at files in a process of its own.
     std::string inspection_hint;
     auto* inspect_command = app.add_subcommand("inspect-stdin", "")->group("");
@@ -234,8 +234,8 @@ int main(int argc, char** argv) {
 
     CLI11_PARSE(app, argc, argv);
     try {
-        if (administration) {
-            return administration();
+        if (chosen) {
+            return chosen();
         }
         if (inspect_command->parsed()) {
             return remesh::serve_inspection(inspection_hint);
@@ -243,10 +243,6 @@ int main(int argc, char** argv) {
         if (health_command->parsed()) {
             return remesh::is_serving(health_address, content_of(health_ca)) ? EXIT_SUCCESS
                                                                              : EXIT_FAILURE;
-        }
-        if (flags.server.workers.threads == 0) {
-            flags.server.workers.threads =
-                std::max(1, remesh::available_processors() / flags.server.workers.workers);
         }
         return serve(std::move(flags));
     } catch (const std::exception& error) {

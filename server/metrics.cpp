@@ -9,12 +9,11 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <sstream>
-#include <unistd.h>
 #include <utility>
 
 #include "remesh/v1/job.pb.h"
+#include "server/jobs/process_memory.h"
 #include "server/version.h"
 
 namespace remesh {
@@ -63,14 +62,6 @@ double processor_seconds() {
         return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
     };
     return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
-
-double resident_bytes() {
-    std::ifstream file("/proc/self/statm");
-    double total = 0.0;
-    double resident = 0.0;
-    file >> total >> resident;
-    return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
 }
 
 double open_files() {
@@ -154,8 +145,8 @@ Metrics::Metrics(JobRegistry& registry, JobStore& store, const MetricsOptions& o
             families_->ended.Add({{"state", name_of(state)}, {"reason", "NONE"}});
         }
     }
-    for (const char* reason :
-         {"INVALID_INPUT", "UNSUPPORTED", "UNMESHABLE", "TOO_LARGE", "TIMEOUT", "INTERNAL"}) {
+    for (const char* reason : {"INVALID_INPUT", "UNSUPPORTED", "UNMESHABLE", "TOO_LARGE", "TIMEOUT",
+                               "STORAGE", "INTERNAL"}) {
         families_->ended.Add({{"state", "failed"}, {"reason", reason}});
     }
     families_->ended.Add({{"state", "quarantined"}, {"reason", "WORKER_LOST"}});
@@ -175,6 +166,7 @@ void Metrics::count_response(int http_status) {
 }
 
 void Metrics::settle() {
+    registry_.settle();
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return pending_.empty() && !is_reading_; });
 }
@@ -301,7 +293,7 @@ void Metrics::update_gauges() {
     if (more > 0.0) {
         families_->cpu.Increment(more);
     }
-    families_->memory.Set(resident_bytes());
+    families_->memory.Set(static_cast<double>(resident_bytes()));
     families_->files.Set(open_files());
 }
 

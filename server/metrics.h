@@ -39,7 +39,7 @@ public:
     void count_response(int http_status);
     /// All of it in Prometheus' text format, version 0.0.4.
     [[nodiscard]] std::string text();
-    /// Waits until everything that was notified is counted.
+    /// Waits until everything that happened before this call is counted.
     void settle();
 
 private:

@@ -19,7 +19,9 @@ constexpr std::string_view kUnkeptPrefix = ".unkept-";
 constexpr std::size_t kReadBytes = std::size_t{1} << 20U;
 
 [[noreturn]] void fail(const char* what) {
-    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno));
+    const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
+    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno),
+                     is_full ? StoreError::Kind::Full : StoreError::Kind::Failed);
 }
 
 /// Opens and locks the file of that name; -1 if somebody else has it.

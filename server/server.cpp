@@ -13,8 +13,6 @@ namespace {
 
 // For what waits on the disk: uploads, downloads and the calls that write.
 constexpr int kExecutorThreads = 4;
-// Uploads that never became a job's input are deleted after this, when a server starts.
-constexpr std::chrono::hours kOrphanAge{24};
 
 constexpr int kMaxMessageBytes = 4 << 20;
 constexpr int kMaxMetadataBytes = 16 << 10;
@@ -28,11 +26,17 @@ constexpr int kMaxIdleMs = 15 * 60'000;
 constexpr int kLookaheadBytes = 4 << 20;
 constexpr std::size_t kMaxBufferBytes = std::size_t{512} << 20U;
 
+std::unique_ptr<JobStore> open_whole_store(const std::filesystem::path& file) {
+    check_sqlite_store(file);
+    return open_sqlite_store(file);
+}
+
 }  // namespace
 
 Server::Server(const ServerOptions& options, const Engine& engine)
     : data_dir_(options.data_dir),
-      store_(open_sqlite_store(data_dir_.path() / "remesh.sqlite")),
+      roster_(data_dir_.path()),
+      store_(open_whole_store(data_dir_.path() / "remesh.sqlite")),
       artifacts_(data_dir_.path(), *store_),
       uploads_(data_dir_.path()),
       gate_(data_dir_.path(), options.requires_credentials),
@@ -44,25 +48,34 @@ Server::Server(const ServerOptions& options, const Engine& engine)
                      [this](const Principal& who) { return gate_.is_still_valid(who); }),
       metrics_(registry_, *store_, {.data_dir = options.data_dir}),
       jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_),
-      artifact_service_({gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
-                         [this] { return registry_.is_draining(); }},
-                        options.inspector),
+      artifact_service_(
+          {gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
+           options.registry.limits.max_bytes_of_tenant, [this] { return registry_.is_draining(); }},
+          options.inspector),
       capabilities_(gate_, executor_,
-                    {options.max_artifact_bytes, options.workers.workers, options.workers.threads,
-                     options.registry.max_queued}) {
-    artifacts_.collect_garbage(system_now() - kOrphanAge);
-    uploads_.remove_abandoned(system_now() - kOrphanAge);
+                    {options.max_artifact_bytes, options.workforce.workers.workers,
+                     options.workforce.workers.threads, options.registry.limits.max_queued}),
+      housekeeper_(
+          *store_, artifacts_, registry_, codec_,
+          [this](const std::string& worker) { return roster_.is_alive(worker); },
+          options.housekeeping) {
     registry_.set_listener([this](const JobKey& key) {
+        metrics_.notify(key);  // First: who sees a change in a watch finds it counted.
         watches_.notify(key);
         queue_watches_.notify(key);
-        metrics_.notify(key);
     });
+    housekeeper_.take_up(system_now());
+    housekeeper_.clean_up(system_now());
+    uploads_.remove_abandoned(system_now() - options.housekeeping.keep_uploads);
+    roster_.tidy();
     listen(options);
-    workers_ = std::make_unique<WorkerPool>(registry_, artifacts_, codec_, engine, options.workers);
+    workforce_ = std::make_unique<Workforce>(*store_, artifacts_, roster_, codec_, engine,
+                                             options.workforce);
+    housekeeper_.start();
 }
 
 Server::~Server() {
-    if (workers_) {
+    if (workforce_) {
         shut_down(std::chrono::hours(1));
     }
 }
@@ -116,17 +129,15 @@ bool Server::is_ready() const {
 bool Server::shut_down(std::chrono::milliseconds grace) {
     server_->GetHealthCheckService()->SetServingStatus(false);
     registry_.drain();
-    const bool is_idle = registry_.wait_until_idle(grace);
-    if (!is_idle) {
-        registry_.surrender();
-    }
+    workforce_->drain();
+    const bool is_idle = workforce_->finish(grace);
     watches_.close();
     queue_watches_.close();
     acceptor_->stop();
     server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(1));
     server_->Wait();
     if (is_idle) {
-        workers_.reset();
+        workforce_.reset();
     }
     return is_idle;
 }

@@ -10,6 +10,7 @@
 #include "server/auth/gate.h"
 #include "server/convert.h"
 #include "server/executor.h"
+#include "server/jobs/housekeeper.h"
 #include "server/jobs/worker_pool.h"
 #include "server/metrics.h"
 #include "server/partial_uploads.h"
@@ -17,8 +18,10 @@
 #include "server/service.h"
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
+#include "server/store/worker_roster.h"
 #include "server/tls.h"
 #include "server/watch_stream.h"
+#include "server/workforce.h"
 
 namespace grpc {
 class Channel;
@@ -41,11 +44,13 @@ struct ServerOptions {
     std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
     Inspector inspector = inspect_surface;
     RegistryOptions registry{};
-    WorkerOptions workers{};
+    WorkforceOptions workforce{};
+    HousekeeperOptions housekeeping{};
     WatchOptions watches{};
 };
 
-/// A whole server but for its process: data directory, registry, workers and the gRPC port.
+/// A whole server but for its process: data directory, registry, workers (here or in processes of
+/// their own) and the gRPC port.
 class Server {
 public:
     /// \throws StoreError if the data directory can't be used; std::runtime_error if the address
@@ -72,9 +77,23 @@ public:
     bool shut_down(std::chrono::milliseconds grace);
 
 private:
+    /// Ends what the registry tells before those who hear it are gone, also if a server can't be
+    /// made.
+    class Listening {
+    public:
+        explicit Listening(JobRegistry& registry) : registry_(registry) {}
+        Listening(const Listening&) = delete;
+        Listening& operator=(const Listening&) = delete;
+        ~Listening() { registry_.stop_listening(); }
+
+    private:
+        JobRegistry& registry_;
+    };
+
     void listen(const ServerOptions& options);
 
     DataDir data_dir_;
+    WorkerRoster roster_;
     std::unique_ptr<JobStore> store_;
     ArtifactStore artifacts_;
     PartialUploads uploads_;
@@ -85,13 +104,15 @@ private:
     WatchHub watches_;
     QueueHub queue_watches_;
     Metrics metrics_;
+    Listening listening_{registry_};
     JobService jobs_;
     ArtifactService artifact_service_;
     CapabilityService capabilities_;
     std::unique_ptr<Acceptor> acceptor_;
     std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> door_;
     std::unique_ptr<grpc::Server> server_;
-    std::unique_ptr<WorkerPool> workers_;
+    Housekeeper housekeeper_;
+    std::unique_ptr<Workforce> workforce_;
 };
 
 }  // namespace remesh

@@ -22,11 +22,18 @@ constexpr Rule kList{"ListJobs", Role::Viewer, false};
 constexpr Rule kWatch{"WatchJob", Role::Viewer, false};
 constexpr Rule kWatchQueue{"WatchQueue", Role::Viewer, false};
 constexpr Rule kCancel{"CancelJob", Role::User, true};
+constexpr Rule kRetry{"RetryJob", Role::User, true};
 constexpr Rule kDelete{"DeleteJob", Role::User, true};
 constexpr Rule kCapabilities{"GetCapabilities", Role::Viewer, false};
 
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
     throw JobError({FieldProblem{field, field + " " + message}});
+}
+
+void check_request_id(const std::string& id) {
+    if (id.size() > kMaxRequestId) {
+        refuse("request_id", "must have at most 128 characters, got " + std::to_string(id.size()));
+    }
 }
 
 std::int64_t page_of(const std::string& token) {
@@ -50,10 +57,7 @@ JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifac
       executor_(executor) {}
 
 v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest& request) {
-    if (request.request_id().size() > kMaxRequestId) {
-        refuse("request_id", "must have at most 128 characters, got " +
-                                 std::to_string(request.request_id().size()));
-    }
+    check_request_id(request.request_id());
     require_own(tenant, request.parent());
     JobRegistry::Submission submission{tenant, request.request_id(), {}, request.validate_only()};
     v1::JobSpec spec = request.spec();
@@ -163,6 +167,17 @@ grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* con
                       const JobKey key = job_key_of(who.tenant, request->name());
                       subject = job_name(key);
                       *reply = to_proto(registry_.cancel(key));
+                  });
+}
+
+grpc::ServerUnaryReactor* JobService::RetryJob(grpc::CallbackServerContext* context,
+                                               const v1::RetryJobRequest* request, v1::Job* reply) {
+    return answer(gate_, executor_, context, kRetry,
+                  [=, this](const Principal& who, std::string& subject) {
+                      check_request_id(request->request_id());
+                      const JobKey key = job_key_of(who.tenant, request->name());
+                      subject = job_name(key);
+                      *reply = to_proto(registry_.retry(key, request->request_id()));
                   });
 }
 

@@ -33,6 +33,8 @@ public:
     grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
                                         const v1::CancelJobRequest* request,
                                         v1::Job* reply) override;
+    grpc::ServerUnaryReactor* RetryJob(grpc::CallbackServerContext* context,
+                                       const v1::RetryJobRequest* request, v1::Job* reply) override;
     grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context,
                                         const v1::DeleteJobRequest* request,
                                         v1::DeleteJobResponse* reply) override;

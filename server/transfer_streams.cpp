@@ -126,8 +126,12 @@ private:
             refuse("digest", "must be that of the bytes: " + std::to_string(artifact.size) +
                                  " bytes with SHA-256 " + artifact.sha256 + " came");
         }
-        room_.artifacts.add(room_.artifacts.adopt(who_.tenant, upload_->release(), artifact),
-                            system_now());
+        if (!room_.artifacts.add(room_.artifacts.adopt(who_.tenant, upload_->release(), artifact),
+                                 system_now(), room_.max_tenant_bytes)) {
+            throw JobError(JobErrorCode::LimitPassed,
+                           "the tenant may keep no more bytes; delete jobs that aren't needed",
+                           "tenants/" + who_.tenant + "/bytes");
+        }
         answer(artifact, false);
     }
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "remesh/v1/artifact.pb.h"
 #include "server/auth/gate.h"
@@ -23,7 +24,8 @@ struct TransferRoom {
     ArtifactStore& artifacts;
     PartialUploads& uploads;
     Executor& executor;
-    std::int64_t max_bytes;
+    std::int64_t max_bytes;                        ///< Of one upload.
+    std::optional<std::int64_t> max_tenant_bytes;  ///< Unless a tenant's policy says more.
     std::function<bool()> is_draining;
 };
 

@@ -48,7 +48,7 @@ BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;
 sqlite::Connection open_access_database(const std::filesystem::path& data_dir) {
     const auto file = data_dir / "access.sqlite";
     const auto mask = ::umask(0077);
-    sqlite::Connection connection(file.string());
+    sqlite::Connection connection(file.string(), sqlite::Connection::Mode::ReadWrite);
     connection.execute("PRAGMA journal_mode = WAL");
     ::umask(mask);
     connection.execute("PRAGMA synchronous = FULL");

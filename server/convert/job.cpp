@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <utility>
 
 #include "server/convert.h"
@@ -115,6 +116,13 @@ void write(const StoredPreview& from, v1::JobEvent& event) {
     event.mutable_preview()->set_iteration(from.iteration);
 }
 
+google::protobuf::Duration duration_of(double seconds) {
+    google::protobuf::Duration duration;
+    duration.set_seconds(static_cast<std::int64_t>(seconds));
+    duration.set_nanos(static_cast<std::int32_t>(1e9 * (seconds - std::floor(seconds))));
+    return duration;
+}
+
 /// Only the last part of a path, whichever system it comes from.
 std::string last_part(const std::string& path) {
     return path.substr(path.find_last_of("/\\") + 1);
@@ -126,6 +134,16 @@ v1::JobSpec parse_spec(std::string_view bytes) {
         throw StoreError("store: a job's spec can't be read");
     }
     return spec;
+}
+
+std::string bytes_of(const v1::JobSpec& spec) {
+    std::string bytes;
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);  // labels are a map
+    spec.SerializeToCodedStream(&coded);
+    coded.Trim();
+    return bytes;
 }
 
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
@@ -249,14 +267,7 @@ std::string canonical_spec(const v1::JobSpec& spec) {
     v1::JobSpec canonical = spec;
     canonical.mutable_input()->set_file_name(last_part(spec.input().file_name()));
     canonical.DiscardUnknownFields();
-    std::string bytes;
-    {
-        google::protobuf::io::StringOutputStream stream(&bytes);
-        google::protobuf::io::CodedOutputStream coded(&stream);
-        coded.SetSerializationDeterministic(true);  // labels are a map
-        canonical.SerializeToCodedStream(&coded);
-    }
-    return bytes;
+    return bytes_of(canonical);
 }
 
 JobRequest to_core(const v1::JobSpec& spec) {
@@ -277,6 +288,7 @@ JobRequest to_core(const v1::JobSpec& spec) {
     if (spec.has_timeout()) {
         request.timeout = std::chrono::seconds(spec.timeout().seconds());
     }
+    request.skip_cache = spec.skip_cache();
     return request;
 }
 
@@ -322,6 +334,17 @@ v1::Job to_proto(const JobView& view) {
         to.mutable_progress()->set_stage(to.failure().stage());
     }
     to.set_last_sequence(from.last_sequence);
+    if (!from.origin.empty()) {
+        to.set_origin(job_name({from.key.tenant, from.origin}));
+    }
+    if (view.estimated_start) {
+        *to.mutable_estimated_start_time() = to_proto(*view.estimated_start);
+    }
+    if (view.estimate) {
+        to.mutable_estimate()->set_tets(view.estimate->tets);
+        to.mutable_estimate()->set_memory_bytes(view.estimate->memory_bytes);
+        *to.mutable_estimate()->mutable_cpu_time() = duration_of(view.estimate->cpu_seconds);
+    }
     return to;
 }
 
@@ -371,6 +394,25 @@ google::protobuf::Timestamp to_proto(Time time) {
 
 JobRequest ProtoCodec::decode_spec(std::string_view spec) const {
     return to_core(parse_spec(spec));
+}
+
+std::string ProtoCodec::cache_key(std::string_view spec) const {
+    v1::JobSpec key = parse_spec(spec);
+    // What doesn't change the result.
+    key.clear_priority();
+    key.clear_timeout();
+    key.clear_labels();
+    key.clear_skip_cache();
+    return sha256_of(std::string("remesh ") + kVersion + '\n' + bytes_of(key));
+}
+
+Progress ProtoCodec::decode_progress(std::string_view event) const {
+    v1::JobEvent from;
+    from.ParseFromArray(event.data(), static_cast<int>(event.size()));
+    const v1::Progress& progress = from.progress();
+    const int stage =
+        std::clamp(static_cast<int>(progress.stage()) - 1, 0, static_cast<int>(kStageCount) - 1);
+    return {static_cast<Stage>(stage), progress.stage_fraction(), progress.fraction()};
 }
 
 std::string ProtoCodec::encode_event(const JobEventBody& event) const {

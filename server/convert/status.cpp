@@ -80,6 +80,12 @@ grpc::Status status_of(const JobError& error) {
             status.add(resource("remesh.v1.Job", error.subject(), "cancel it first"));
             return status.build();
         }
+        case JobErrorCode::NotRetryable: {
+            StatusBuilder status(grpc::StatusCode::FAILED_PRECONDITION, message,
+                                 "JOB_NOT_RETRYABLE");
+            status.add(resource("remesh.v1.Job", error.subject(), message));
+            return status.build();
+        }
         case JobErrorCode::Changed:
             return StatusBuilder(grpc::StatusCode::ABORTED, message, "ETAG_MISMATCH").build();
         case JobErrorCode::ShuttingDown: return shutting_down_status();
@@ -112,6 +118,20 @@ std::pair<grpc::StatusCode, const char*> code_of(ErrorCode code) {
     return {grpc::StatusCode::INTERNAL, "INTERNAL"};
 }
 
+grpc::Status failed_status() {
+    return StatusBuilder(grpc::StatusCode::INTERNAL, "the server failed; see its log", "INTERNAL")
+        .build();
+}
+
+grpc::Status storage_full_status() {
+    StatusBuilder status(grpc::StatusCode::RESOURCE_EXHAUSTED,
+                         "the server's disk is full; nothing was changed", "STORAGE_FULL");
+    google::rpc::RetryInfo retry;
+    retry.mutable_retry_delay()->set_seconds(60);
+    status.add(retry);
+    return status.build();
+}
+
 }  // namespace
 
 grpc::Status to_status(const std::exception_ptr& error) {
@@ -126,12 +146,14 @@ grpc::Status to_status(const std::exception_ptr& error) {
     } catch (const Error& core_error) {
         const auto [code, reason] = code_of(core_error.code());
         return StatusBuilder(code, core_error.what(), reason).build();
+    } catch (const StoreError& store_error) {
+        spdlog::error("event=store_failed message=\"{}\"", store_error.what());
+        return store_error.kind() == StoreError::Kind::Full ? storage_full_status()
+                                                            : failed_status();
     } catch (const std::exception& other) {
         // What it says is for the operator: it may name paths.
         spdlog::error("event=call_failed message=\"{}\"", other.what());
-        return StatusBuilder(grpc::StatusCode::INTERNAL, "the server failed; see its log",
-                             "INTERNAL")
-            .build();
+        return failed_status();
     }
 }
 

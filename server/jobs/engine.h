@@ -33,6 +33,9 @@ public:
 
     /// What is wrong with a request; empty if it can be run.
     [[nodiscard]] virtual std::vector<FieldProblem> check(const JobRequest& request) const = 0;
+    /// What a run would need. \throws Error if the input can't be read
+    [[nodiscard]] virtual JobEstimate estimate(const JobRequest& request,
+                                               std::string_view input) const = 0;
     /// Runs a request in the present TBB arena.
     /// \throws Error, or whatever a defect throws
     virtual JobResult run(const JobRequest& request, std::string_view input, RunContext& run,

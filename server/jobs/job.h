@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/estimate.h"
 #include "core/io/mesh_io.h"
 #include "core/pipeline.h"
 #include "core/run_context.h"
@@ -35,7 +36,11 @@ struct JobRequest {
     std::vector<OutputRequest> outputs{};
     int priority = 0;                               ///< In [-100, 100].
     std::optional<std::chrono::seconds> timeout{};  ///< Absent: the server's limit.
+    bool skip_cache = false;                        ///< Run it even if its result is there.
 };
+
+/// What a run is likely to need; see core/estimate.h.
+using JobEstimate = RunEstimate;
 
 enum class OutputKind { Surface, Tetrahedra, Report, Preview, ReportPage, PreviewTetrahedra };
 
@@ -88,6 +93,7 @@ enum class JobErrorCode {
     RequestIdReused,
     LimitPassed,
     NotTerminal,
+    NotRetryable,
     Changed,  ///< The caller's idea of the job is out of date.
     ShuttingDown,
 };

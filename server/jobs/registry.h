@@ -1,15 +1,9 @@
 #pragma once
 
-#include <chrono>
-#include <condition_variable>
-#include <deque>
+#include <atomic>
+#include <cstdint>
 #include <functional>
-#include <map>
-#include <memory>
-#include <mutex>
 #include <optional>
-#include <span>
-#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,10 +17,9 @@
 namespace remesh {
 
 struct RegistryOptions {
-    std::int64_t max_queued = 1'000;  ///< More are refused.
-    int max_attempts = 3;             ///< A job that lost this many workers is quarantined.
-    std::chrono::milliseconds max_run_time = std::chrono::hours(24);  ///< Longest timeout of a job.
-    std::chrono::milliseconds flush_interval{100};  ///< How long events wait for company.
+    QueueLimits limits{};  ///< More is refused.
+    int max_attempts = 5;  ///< A job that lost this many workers is quarantined.
+    int workers = 1;       ///< That serve the queue, for the estimate of a job's start.
 };
 
 /// A job as it is shown.
@@ -34,77 +27,30 @@ struct JobView {
     JobRecord job{};
     Progress progress{};
     std::int64_t queue_position = 0;
+    std::optional<Time> estimated_start{};  ///< Of a Queued job, once some job has been run.
+    std::optional<JobEstimate> estimate{};  ///< Of a job that was only checked.
 };
 
-class JobRegistry;
-
-/// What registry and worker share about one attempt.
-struct Attempt {
-    enum class StopReason { None, Cancel, Timeout, Drain };
-
-    JobRecord job{};  ///< As claimed.
-    std::stop_source stop{};
-    std::mutex flush_mutex{};  ///< Held while events go to the store, so that they stay in order.
-
-    // need JobRegistry::mutex_
-    StopReason stop_reason = StopReason::None;
-    std::chrono::steady_clock::time_point deadline{};
-    std::vector<NewEvent> pending{};  ///< Not yet in the store.
-    Progress progress{};
-    bool is_abandoned = false;  ///< The store refused the verdict: count it as lost once it can.
-};
-
-/// One attempt at a job: a worker's right to run it. Without a verdict by its end the attempt
-/// counts as lost, so a worker that throws or returns early can't leave a job Running for ever.
-/// For the worker's thread only.
-class Lease {
-public:
-    Lease(JobRegistry& registry, std::shared_ptr<Attempt> attempt);
-    Lease(const Lease&) = delete;
-    Lease& operator=(const Lease&) = delete;
-    ~Lease();
-
-    [[nodiscard]] const JobRecord& job() const { return attempt_->job; }
-    [[nodiscard]] std::stop_token stop_token() const { return attempt_->stop.get_token(); }
-
-    /// Tells the watchers, soon: events are written in company.
-    void publish(const JobEventBody& event);
-    /// Makes a preview visible at once; the oldest of this attempt go.
-    void publish_preview(ArtifactDraft draft, int iteration);
-
-    // The verdicts, each of them final. They return the state that the job came to, or nothing if
-    // the lease was void.
-
-    std::optional<JobState> succeed(const JobResult& result, std::vector<ArtifactDraft> outputs);
-    std::optional<JobState> fail(const JobFailure& failure);
-    /// The run stopped because it was asked to: cancelled, timed out or given back.
-    std::optional<JobState> stopped(Stage stage);
-
-private:
-    JobRegistry& registry_;
-    std::shared_ptr<Attempt> attempt_;
-    std::deque<std::string> previews_;  // visible ones, oldest first
-    bool is_settled_ = false;
-};
-
-/// The only code that changes a job's state (job_store.h draws the machine). Hands out values,
-/// never references. All calls may come from any thread.
+/// What callers do to jobs. Hands out values, never references. All calls may come from any thread;
+/// what changes a job's state is one step of the store, which all processes share.
 class JobRegistry {
 public:
     using Clock = std::function<Time()>;
     using Listener = std::function<void(const JobKey&)>;
 
-    /// Takes up what the last server left: running jobs count as lost, cancelling ones as
-    /// cancelled.
     JobRegistry(JobStore& store, ArtifactStore& artifacts, const JobCodec& codec,
                 const Engine& engine, const RegistryOptions& options, Clock clock = {});
     JobRegistry(const JobRegistry&) = delete;
     JobRegistry& operator=(const JobRegistry&) = delete;
     ~JobRegistry();
 
-    /// Called after every change of a job that a watcher can see, by any thread, with no lock held.
-    /// Must not block or call back. To be set before anything runs.
+    /// Called after every change of a job that a watcher can see, whoever made it, with no lock
+    /// held. Must not block or call back. To be set once, before anything runs.
     void set_listener(Listener listener);
+    /// Waits until the listener has heard of every change that was made before this call.
+    void settle();
+    /// Ends that: after it returns only `remove` still calls the listener.
+    void stop_listening() { thread_ = {}; }
 
     struct Submission {
         std::string tenant{};
@@ -114,6 +60,9 @@ public:
     };
     /// \throws JobError{BadRequest, MissingInput, RequestIdReused, LimitPassed, ShuttingDown}
     JobView submit(const Submission& submission);
+    /// Submits a failed, cancelled or quarantined job's spec again, as a new job.
+    /// \throws JobError{NotFound, NotRetryable, MissingInput, LimitPassed, ShuttingDown}
+    JobView retry(const JobKey& key, const std::string& request_id);
     /// \throws JobError{NotFound}
     JobView get(const JobKey& key);
     std::vector<JobView> list(const ListQuery& query);
@@ -124,42 +73,18 @@ public:
     /// \throws JobError{NotFound, NotTerminal, Changed}
     void remove(const JobKey& key, std::optional<std::int64_t> revision);
 
-    /// Waits for a job to run. \return null when asked to stop or shutting down
-    std::unique_ptr<Lease> claim(std::stop_token stop);
-
-    /// Waits some seconds. \return false if it was cut short by a stop or by draining
-    bool pause(std::stop_token stop);
-
-    /// Refuses new jobs and asks the running ones to stop; they go back to the queue without
-    /// spending their attempt.
-    void drain();
-    [[nodiscard]] bool is_draining() const;
-    /// \return whether nothing runs any more
-    bool wait_until_idle(std::chrono::milliseconds timeout);
-    /// Gives back what still runs although it was asked to stop; its workers can't write any more.
-    void surrender();
+    /// Refuses new jobs from now on.
+    void drain() { is_draining_ = true; }
+    [[nodiscard]] bool is_draining() const { return is_draining_; }
 
     [[nodiscard]] const RegistryOptions& options() const { return options_; }
 
 private:
-    friend class Lease;
-
-    using Verdict = std::function<std::optional<JobRecord>(const Claim&)>;
-
-    void take_up();
-    void tend(std::stop_token stop);
-    void abandon_late_attempts();
-    /// Writes the attempt's pending events and then `previews`.
-    void flush(Attempt& attempt, const std::vector<NewEvent>& more,
-               const std::vector<ArtifactId>& previews);
-    /// Ends an attempt by a verdict of the store, whose job it returns.
-    std::optional<JobRecord> end(Attempt& attempt, const Verdict& verdict);
-    std::optional<JobRecord> lose(Attempt& attempt);
-    void drop_previews(const JobKey& key, std::span<const std::string> keep);
-    void notify(const JobKey& key) const;
-    void wake_workers();
+    void listen(ChangeFeed& feed, const std::stop_token& stop);
+    [[nodiscard]] JobView check_only(const Submission& submission, const JobRequest& request);
+    [[nodiscard]] JobView create(const NewJob& job);
     [[nodiscard]] JobView view_of(JobRecord job);
-    [[nodiscard]] std::string lost_outcome(const JobRecord& job) const;
+    void notify(const JobKey& key) const;
 
     JobStore& store_;
     ArtifactStore& artifacts_;
@@ -167,19 +92,11 @@ private:
     const Engine& engine_;
     const RegistryOptions options_;
     const Clock clock_;
+    std::atomic<bool> is_draining_ = false;
     Listener listener_;
-
-    // Held while a job is claimed, so that a cancel can't fall between the store's claim and
-    // running_. Taken before mutex_.
-    std::mutex claim_mutex_;
-    mutable std::mutex mutex_;
-    std::condition_variable_any work_;                    // work_signals_ or is_draining_ changed
-    std::condition_variable_any attempts_;                // running_ changed
-    std::map<JobKey, std::shared_ptr<Attempt>> running_;  // needs mutex_
-    std::uint64_t work_signals_ = 0;                      // needs mutex_
-    bool is_draining_ = false;                            // needs mutex_
-
-    std::jthread tender_;
+    std::atomic<std::int64_t> asked_ = 0;  // by settle
+    std::atomic<std::int64_t> heard_ = 0;
+    std::jthread thread_;
 };
 
 }  // namespace remesh

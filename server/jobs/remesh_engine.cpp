@@ -67,6 +67,24 @@ std::string stem_of(const std::string& file_name) {
     return stem.empty() ? "result" : stem;
 }
 
+ReadResult read_input(const JobRequest& request, std::string_view input) {
+    const std::string hint = request.input_format
+                                 ? std::string(format_extension(*request.input_format))
+                                 : request.file_name;
+    return read_surface(input, hint);
+}
+
+void require_memory(const RunEstimate& estimate, std::optional<std::int64_t> max_bytes) {
+    if (max_bytes && estimate.memory_bytes > *max_bytes) {
+        throw Error(ErrorCode::TooLarge, "the job needs about " +
+                                             std::to_string(estimate.memory_bytes >> 20U) +
+                                             " MiB for about " + std::to_string(estimate.tets) +
+                                             " tets, more than the server's limit of " +
+                                             std::to_string(*max_bytes >> 20U) +
+                                             " MiB; a larger edge_length needs less");
+    }
+}
+
 }  // namespace
 
 std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
@@ -86,13 +104,15 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     return problems;
 }
 
+JobEstimate RemeshEngine::estimate(const JobRequest& request, std::string_view input) const {
+    return estimate_run(read_input(request, input).mesh, request.options);
+}
+
 JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, RunContext& run,
                             OutputSink& outputs) const {
     run.enter(Stage::Read);
-    const std::string hint = request.input_format
-                                 ? std::string(format_extension(*request.input_format))
-                                 : request.file_name;
-    ReadResult read = read_surface(input, hint);
+    ReadResult read = read_input(request, input);
+    require_memory(estimate_run(read.mesh, request.options), max_job_bytes_);
     for (std::string& warning : read.warnings) {
         run.warn({"INPUT_FILE", std::move(warning), std::nullopt});
     }

@@ -177,10 +177,9 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
         }
         const bool is_retryable = error.code() == ErrorCode::Internal;
         return {lease.fail({reason, error.what(), is_retryable, run.stage()}), reason};
-    } catch (const StoreError&) {
-        return {lease.fail({"INTERNAL", "The server's disk didn't take the job's files.", true,
-                            run.stage()}),
-                "STORE"};
+    } catch (const StoreError& error) {
+        spdlog::error("event=store_failed job={} message=\"{}\"", job.key.id, error.what());
+        return {lease.postpone(), "STORE"};
     } catch (const std::bad_alloc&) {
         return {
             lease.fail({"TOO_LARGE", "There isn't enough memory for this job.", true, run.stage()}),
@@ -196,23 +195,23 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
 }
 
 /// Goes on trying while the store is in trouble.
-std::unique_ptr<Lease> claim(JobRegistry& registry, const std::stop_token& stop) {
+std::unique_ptr<Lease> claim(LeaseDesk& desk, const std::stop_token& stop) {
     while (true) {
         try {
-            return registry.claim(stop);
+            return desk.claim(stop);
         } catch (const StoreError& error) {
             spdlog::error("event=store_failed message=\"{}\"", error.what());
         }
-        if (!registry.pause(stop)) {
+        if (!desk.pause(stop)) {
             return nullptr;
         }
     }
 }
 
-void work(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
-          const Engine& engine, int threads, const std::stop_token& stop) {
+void work(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec, const Engine& engine,
+          int threads, const std::stop_token& stop) {
     tbb::task_arena arena(threads);
-    while (const auto lease = claim(registry, stop)) {
+    while (const auto lease = claim(desk, stop)) {
         const std::string& id = lease->job().key.id;
         const int attempt = lease->job().attempt;
         const auto start = std::chrono::steady_clock::now();
@@ -232,11 +231,11 @@ void work(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec
 
 }  // namespace
 
-WorkerPool::WorkerPool(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
+WorkerPool::WorkerPool(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec,
                        const Engine& engine, const WorkerOptions& options) {
     for (int i = 0; i < options.workers; ++i) {
         threads_.emplace_back([&, threads = options.threads](const std::stop_token& stop) {
-            work(registry, artifacts, codec, engine, threads, stop);
+            work(desk, artifacts, codec, engine, threads, stop);
         });
     }
 }

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "server/jobs/engine.h"
-#include "server/jobs/registry.h"
+#include "server/jobs/lease_desk.h"
 #include "server/store/artifact_store.h"
 
 namespace remesh {
@@ -15,10 +15,10 @@ struct WorkerOptions {
 };
 
 /// Threads that claim jobs and run them, each in a TBB arena of its own. Destruction waits until
-/// the running jobs have stopped; ask them to by JobRegistry::drain first.
+/// the running jobs have stopped; ask them to by LeaseDesk::drain first.
 class WorkerPool {
 public:
-    WorkerPool(JobRegistry& registry, ArtifactStore& artifacts, const JobCodec& codec,
+    WorkerPool(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec,
                const Engine& engine, const WorkerOptions& options);
 
 private:

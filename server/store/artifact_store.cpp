@@ -1,5 +1,6 @@
 #include "server/store/artifact_store.h"
 
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 
@@ -17,7 +18,9 @@ namespace fs = std::filesystem;
 constexpr std::string_view kDraftPrefix = ".draft-";
 
 [[noreturn]] void fail(const char* what) {
-    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno));
+    const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
+    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno),
+                     is_full ? StoreError::Kind::Full : StoreError::Kind::Failed);
 }
 
 void sync_directory(const fs::path& path) {
@@ -28,8 +31,29 @@ void sync_directory(const fs::path& path) {
     ::close(file);
 }
 
+/// Whether the process that writes a draft is still there.
+bool is_being_written(const fs::path& draft) {
+    const int file = ::open(draft.c_str(), O_RDONLY | O_CLOEXEC);
+    const bool is_locked = file >= 0 && ::flock(file, LOCK_EX | LOCK_NB) != 0;
+    if (file >= 0) {
+        ::close(file);
+    }
+    return is_locked;
+}
+
 fs::path directory_of(const fs::path& data_dir, const std::string& tenant) {
     return data_dir / "tenants" / tenant / "artifacts";
+}
+
+fs::path made_directory_of(const fs::path& data_dir, const std::string& tenant) {
+    fs::path directory = directory_of(data_dir, tenant);
+    std::error_code error;
+    fs::create_directories(directory, error);
+    if (error) {
+        errno = error.value();
+        fail("can't make the artifact directory");
+    }
+    return directory;
 }
 
 }  // namespace
@@ -40,6 +64,7 @@ ArtifactDraft::ArtifactDraft(std::string tenant, fs::path path)
     if (file_ < 0) {
         fail("can't create an artifact");
     }
+    ::flock(file_, LOCK_SH | LOCK_NB);
 }
 
 ArtifactDraft::ArtifactDraft(std::string tenant, fs::path path, ArtifactId id)
@@ -77,7 +102,6 @@ const ArtifactId& ArtifactDraft::finish() {
     if (::fsync(file_) != 0) {
         fail("can't sync an artifact");
     }
-    ::close(std::exchange(file_, -1));
     id_.sha256 = hash_.finish();
     return id_;
 }
@@ -91,24 +115,53 @@ ArtifactView::~ArtifactView() {
     }
 }
 
+/// The right to change files and records together.
+class ArtifactStore::Exclusive {
+public:
+    explicit Exclusive(ArtifactStore& artifacts) : artifacts_(artifacts), lock_(artifacts.mutex_) {
+        while (::flock(artifacts_.lock_file_, LOCK_EX) != 0) {
+            if (errno != EINTR) {
+                fail("can't lock the artifacts");
+            }
+        }
+    }
+    Exclusive(const Exclusive&) = delete;
+    Exclusive& operator=(const Exclusive&) = delete;
+    ~Exclusive() { ::flock(artifacts_.lock_file_, LOCK_UN); }
+
+private:
+    ArtifactStore& artifacts_;
+    std::scoped_lock<std::mutex> lock_;
+};
+
 ArtifactStore::ArtifactStore(fs::path data_dir, JobStore& store)
-    : data_dir_(std::move(data_dir)), store_(store) {}
+    : data_dir_(std::move(data_dir)), store_(store) {
+    const fs::path file = data_dir_ / "artifacts.lock";
+    lock_file_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+    if (lock_file_ < 0) {
+        fail("can't open the lock of the artifacts");
+    }
+}
+
+ArtifactStore::~ArtifactStore() {
+    ::close(lock_file_);
+}
 
 ArtifactDraft ArtifactStore::draft(const std::string& tenant) {
-    const fs::path directory = directory_of(data_dir_, tenant);
-    fs::create_directories(directory);
+    const fs::path directory = made_directory_of(data_dir_, tenant);
+    const Exclusive lock(*this);  // a collector doesn't see it before its writer has locked it
     return {tenant, directory / (std::string(kDraftPrefix) + random_hex(16))};
 }
 
 ArtifactDraft ArtifactStore::adopt(const std::string& tenant, const fs::path& file,
                                    const ArtifactId& artifact) {
-    fs::create_directories(directory_of(data_dir_, tenant));
+    made_directory_of(data_dir_, tenant);
     return {tenant, file, artifact};
 }
 
 void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,
                             const std::function<void()>& record) {
-    const std::scoped_lock lock(mutex_);
+    const Exclusive lock(*this);
     for (ArtifactDraft& draft : drafts) {
         const fs::path path = path_of(draft.tenant_, draft.id_.sha256);
         if (::rename(draft.path_.c_str(), path.c_str()) != 0) {
@@ -119,20 +172,31 @@ void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,
     if (!drafts.empty()) {
         sync_directory(directory_of(data_dir_, drafts.front().tenant_));
     }
-    record();
-    for (const ArtifactDraft& draft : drafts) {
-        if (!find(draft.tenant_, draft.id_.sha256)) {
-            ::unlink(path_of(draft.tenant_, draft.id_.sha256).c_str());
+    const auto take_back_unrecorded = [&] {
+        for (const ArtifactDraft& draft : drafts) {
+            if (!find(draft.tenant_, draft.id_.sha256)) {
+                ::unlink(path_of(draft.tenant_, draft.id_.sha256).c_str());
+            }
         }
+    };
+    try {
+        record();
+    } catch (...) {
+        take_back_unrecorded();
+        throw;
     }
+    take_back_unrecorded();
 }
 
-void ArtifactStore::add(ArtifactDraft draft, Time now) {
+bool ArtifactStore::add(ArtifactDraft draft, Time now, std::optional<std::int64_t> max_bytes) {
     const std::string tenant = draft.tenant_;
     const ArtifactId artifact = draft.id_;
     std::vector<ArtifactDraft> drafts;
     drafts.push_back(std::move(draft));
-    publish(std::move(drafts), [&] { store_.add_artifact(tenant, artifact, now); });
+    bool is_added = false;
+    publish(std::move(drafts),
+            [&] { is_added = store_.add_artifact(tenant, artifact, max_bytes, now); });
+    return is_added;
 }
 
 std::optional<ArtifactId> ArtifactStore::find(const std::string& tenant,
@@ -162,7 +226,7 @@ ArtifactView ArtifactStore::open(const std::string& tenant, const ArtifactId& ar
 
 void ArtifactStore::remove_unneeded(const std::string& tenant,
                                     const std::vector<std::string>& digests) {
-    const std::scoped_lock lock(mutex_);
+    const Exclusive lock(*this);
     for (const std::string& sha256 : digests) {
         if (store_.remove_artifact(tenant, sha256)) {
             ::unlink(path_of(tenant, sha256).c_str());
@@ -182,11 +246,13 @@ void ArtifactStore::collect_garbage(Time before) {
         if (!fs::exists(directory)) {
             continue;
         }
+        const Exclusive lock(*this);
         for (const auto& file : fs::directory_iterator(directory)) {
             const std::string name = file.path().filename().string();
-            if (name.starts_with(kDraftPrefix) ||
-                (is_sha256(name) && !find(tenant.path().filename().string(), name))) {
-                fs::remove(file.path());
+            if (name.starts_with(kDraftPrefix)
+                    ? !is_being_written(file.path())
+                    : is_sha256(name) && !find(tenant.path().filename().string(), name)) {
+                ::unlink(file.path().c_str());
             }
         }
     }

@@ -16,7 +16,7 @@
 namespace remesh {
 
 /// A file being written. Nobody sees it before `ArtifactStore::publish`; deleted if that never
-/// comes.
+/// comes. Locked as long as its writer lives, so that what a killed one left can be told.
 class ArtifactDraft {
 public:
     ArtifactDraft(ArtifactDraft&& other) noexcept;
@@ -63,10 +63,13 @@ private:
 /// says.
 ///
 /// A file is written beside its place, synced and renamed: no half file is ever visible.
-/// All calls may come from any thread.
+/// All calls may come from any thread, and from any process that uses the data directory.
 class ArtifactStore {
 public:
     ArtifactStore(std::filesystem::path data_dir, JobStore& store);
+    ArtifactStore(const ArtifactStore&) = delete;
+    ArtifactStore& operator=(const ArtifactStore&) = delete;
+    ~ArtifactStore();
 
     [[nodiscard]] ArtifactDraft draft(const std::string& tenant);
     /// Makes a finished draft of a file of the data directory that was written and synced
@@ -78,7 +81,8 @@ public:
     void publish(std::vector<ArtifactDraft> drafts, const std::function<void()>& record);
 
     /// Publishes and records one finished draft.
-    void add(ArtifactDraft draft, Time now);
+    /// \return false if the tenant may keep no more bytes (JobStore::add_artifact)
+    bool add(ArtifactDraft draft, Time now, std::optional<std::int64_t> max_bytes = {});
 
     [[nodiscard]] std::optional<ArtifactId> find(const std::string& tenant,
                                                  const std::string& sha256) const;
@@ -87,19 +91,21 @@ public:
 
     /// Deletes those that no job needs any more, record and file.
     void remove_unneeded(const std::string& tenant, const std::vector<std::string>& digests);
-    /// At start, before anything runs: deletes files without a record, drafts, and artifacts that
-    /// were added before `before` and never needed.
+    /// Deletes what killed processes left (drafts, files without a record), and artifacts that
+    /// were added before `before` and that no job needs.
     void collect_garbage(Time before);
 
 private:
+    class Exclusive;
     [[nodiscard]] std::filesystem::path path_of(const std::string& tenant,
                                                 const std::string& sha256) const;
 
     std::filesystem::path data_dir_;
     JobStore& store_;
-    // Held while files and their records change together, so that a removal can't take a file from
-    // under a record that is just being made.
+    // Both held while files and their records change together, so that a removal can't take a file
+    // from under a record that is just being made: against other threads, and other processes.
     std::mutex mutex_;
+    int lock_file_ = -1;
 };
 
 }  // namespace remesh

@@ -27,22 +27,29 @@ constexpr std::array<unsigned long, 9> kNetworkFileSystems{
 
 }  // namespace
 
-DataDir::DataDir(std::filesystem::path path) : path_(std::move(path)) {
+bool is_network_file_system(unsigned long type) {
+    return std::find(kNetworkFileSystems.begin(), kNetworkFileSystems.end(), type & 0xffffffffUL) !=
+           kNetworkFileSystems.end();
+}
+
+void prepare_data_dir(const std::filesystem::path& path) {
     // SQLite makes its files with the process's mask: nobody else may read patient data.
     ::umask(0077);
     std::error_code error;
-    std::filesystem::create_directories(path_, error);
+    std::filesystem::create_directories(path, error);
     struct statfs file_system {};
-    if (error || ::statfs(path_.c_str(), &file_system) != 0) {
-        throw StoreError("data directory " + path_.string() +
+    if (error || ::statfs(path.c_str(), &file_system) != 0) {
+        throw StoreError("data directory " + path.string() +
                          " can't be made: " + (error ? error.message() : std::strerror(errno)));
     }
-    const auto type = static_cast<unsigned long>(file_system.f_type) & 0xffffffffUL;
-    if (std::find(kNetworkFileSystems.begin(), kNetworkFileSystems.end(), type) !=
-        kNetworkFileSystems.end()) {
-        throw StoreError("data directory " + path_.string() +
+    if (is_network_file_system(static_cast<unsigned long>(file_system.f_type))) {
+        throw StoreError("data directory " + path.string() +
                          " is on a network file system; it must be on a local disk");
     }
+}
+
+DataDir::DataDir(std::filesystem::path path) : path_(std::move(path)) {
+    prepare_data_dir(path_);
     const auto lock_file = path_ / "lock";
     lock_ = ::open(lock_file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (lock_ < 0) {

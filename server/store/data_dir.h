@@ -4,13 +4,22 @@
 
 namespace remesh {
 
-/// The right to use a data directory alone, as long as this object lives.
+/// Makes a data directory (mode 0700) if it isn't there, and lets this process make files that are
+/// the owner's alone.
+///
+/// \throws StoreError if it can't be made or lies on a network file system, where neither locks nor
+/// syncs can be trusted
+void prepare_data_dir(const std::filesystem::path& path);
+
+/// Whether a file system of this type (statfs's f_type) is on another machine.
+[[nodiscard]] bool is_network_file_system(unsigned long type);
+
+/// The right to be a data directory's only server, as long as this object lives. Workers don't need
+/// it.
 class DataDir {
 public:
-    /// Makes the directory (mode 0700) if it isn't there, and takes it.
-    ///
-    /// \throws StoreError if another server has it, or if it lies on a network file system, where
-    /// neither locks nor syncs can be trusted
+    /// Prepares the directory and takes it.
+    /// \throws StoreError if another server has it, or like prepare_data_dir
     explicit DataDir(std::filesystem::path path);
     DataDir(const DataDir&) = delete;
     DataDir& operator=(const DataDir&) = delete;

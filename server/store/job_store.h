@@ -1,142 +1,50 @@
 #pragma once
 
 #include <chrono>
-#include <compare>
 #include <cstdint>
-#include <map>
+#include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <vector>
 
+#include "server/store/job_record.h"
+
 namespace remesh {
 
-using Time = std::chrono::sys_time<std::chrono::microseconds>;
-
-[[nodiscard]] inline Time system_now() {
-    return std::chrono::time_point_cast<std::chrono::microseconds>(
-        std::chrono::system_clock::now());
-}
-
-/// The store can't do its work: disk full, damaged, or a data directory that it must not use.
-class StoreError : public std::runtime_error {
+/// Tells one listener which jobs got new events, whoever wrote them, in this process or another.
+/// For one thread.
+class ChangeFeed {
 public:
-    using std::runtime_error::runtime_error;
-};
+    ChangeFeed() = default;
+    ChangeFeed(const ChangeFeed&) = delete;
+    ChangeFeed& operator=(const ChangeFeed&) = delete;
+    virtual ~ChangeFeed() = default;
 
-enum class JobState { Queued, Running, Cancelling, Succeeded, Failed, Cancelled, Quarantined };
-
-[[nodiscard]] constexpr bool is_terminal(JobState state) {
-    return state >= JobState::Succeeded;
-}
-
-struct JobKey {
-    std::string tenant{};
-    std::string id{};
-
-    auto operator<=>(const JobKey&) const = default;
-};
-
-/// Names bytes by their content.
-struct ArtifactId {
-    std::string sha256{};  ///< 64 lower-case hexadecimal digits.
-    std::int64_t size = 0;
-
-    bool operator==(const ArtifactId&) const = default;
-};
-
-struct JobRecord {
-    JobKey key{};
-    std::int64_t number = 0;  ///< Order of creation, from 1.
-    std::string spec{};       ///< What was asked for; the store never looks inside.
-    int priority = 0;
-    JobState state = JobState::Queued;
-    int attempt =
-        0;  ///< Present or last one, from 1; an attempt that was given back isn't counted.
-    int max_attempts = 1;
-    std::int64_t epoch = 0;     ///< Times claimed: only the claim of this epoch may write.
-    std::int64_t revision = 0;  ///< Changes whenever the job does.
-    Time create_time{};
-    std::optional<Time> start_time{};  ///< Of the present or last attempt.
-    std::optional<Time> end_time{};    ///< When it became terminal.
-    std::string outcome{};             ///< Of a terminal job, empty if it was Cancelled; opaque.
-    std::int64_t last_sequence = 0;
-};
-
-enum class EventKind { State, Progress, Sample, Warning, Preview };
-
-struct NewEvent {
-    EventKind kind = EventKind::Progress;  ///< Not State: the store writes those itself.
-    Time time{};
-    std::string payload{};  ///< The store never looks inside.
-};
-
-struct StoredEvent {
-    std::int64_t sequence = 0;  ///< Strictly increasing per job, from 1, without gaps.
-    EventKind kind = EventKind::State;
-    Time time{};
-    std::string payload{};              ///< Empty for State.
-    JobState state = JobState::Queued;  ///< Of a State event: what the job became.
-    int attempt = 0;                    ///< Of a State event.
-};
-
-struct NewJob {
-    JobKey key{};
-    std::string request_id{};  ///< Empty: no protection against repetition.
-    std::string spec{};
-    int priority = 0;
-    int max_attempts = 1;
-    std::vector<std::string> inputs{};  ///< SHA-256 of each; must be there.
-};
-
-struct Creation {
-    enum class Verdict { Created, Repeated, Conflict, QueueFull, MissingInput };
-    Verdict verdict = Verdict::Created;
-    std::optional<JobRecord> job{};  ///< When Created or Repeated.
-    std::string missing{};           ///< The first missing input.
-};
-
-/// A worker's right to write, handed out by `claim`.
-struct Claim {
-    JobKey key{};
-    std::int64_t epoch = 0;
-};
-
-/// How an attempt ended.
-struct Settlement {
-    JobState state = JobState::Failed;  ///< Terminal.
-    std::string outcome{};
-    std::vector<NewEvent> events{};     ///< That come before the end.
-    std::vector<ArtifactId> outputs{};  ///< Become visible with the end, if it is Succeeded.
-};
-
-struct ListQuery {
-    std::string tenant{};
-    std::vector<JobState> states{};        ///< Empty: all.
-    std::optional<std::int64_t> before{};  ///< Only jobs with a smaller number.
-    std::size_t limit = 100;
-};
-
-/// What the store tells about the jobs of all tenants.
-struct StoreFigures {
-    std::map<JobState, std::int64_t> jobs{};  ///< States that no job is in are left out.
-    std::optional<Time> oldest_queued{};      ///< When the job that waits longest was created.
+    /// Waits for changes after those that were told before, at most `timeout` or until asked to
+    /// stop. A job that is gone again isn't told.
+    virtual std::vector<JobKey> next(std::chrono::milliseconds timeout,
+                                     const std::stop_token& stop) = 0;
 };
 
 /// What outlives the process: jobs, their events, and which artifacts exist and who needs them.
+/// Any number of processes may use one store at a time.
 ///
 /// The job machine; every arrow is one atomic, durable step that appends one State event:
 ///
 ///     Queued --claim--> Running --settle--> Succeeded | Failed
 ///       |                  |  '--give_back--> Queued          (the attempt isn't spent)
-///       |                  |  '--lose-------> Queued, or Quarantined after max_attempts
+///       |                  |  '--lose-------> Queued until its retry time, or Quarantined or
+///       |                  |                  Failed after max_crashes or max_attempts
 ///       |            request_cancel
 ///       |                  v
 ///       |              Cancelling --settle, give_back, lose--> Cancelled
 ///       '--request_cancel--> Cancelled
 ///
 /// What a worker writes is fenced: with an old epoch nothing changes and the answer is "no".
+/// Clocks may jump: a job's times never go backwards, and no step depends on what they say but for
+/// the wait of a retry, which a jump can't make longer than kLongestRetry.
 /// All calls may come from any thread. All throw StoreError if the store can't do its work.
 class JobStore {
 public:
@@ -145,19 +53,31 @@ public:
     JobStore& operator=(const JobStore&) = delete;
     virtual ~JobStore() = default;
 
-    /// Adds a job, unless the request id is known, `max_queued` jobs wait or an input is missing.
-    virtual Creation create(const NewJob& job, std::int64_t max_queued, Time now) = 0;
+    /// A retry time further away than this comes from a clock that jumped, and is over.
+    static constexpr std::chrono::minutes kLongestRetry{10};
+
+    /// Adds a job, unless its request id is known, a limit is reached or an input is missing. If
+    /// it may reuse a result and one of its tenant and cache key is there, the job gets that.
+    virtual Creation create(const NewJob& job, const QueueLimits& limits, Time now) = 0;
     virtual std::optional<JobRecord> find(const JobKey& key) = 0;
     /// Newest first.
     virtual std::vector<JobRecord> list(const ListQuery& query) = 0;
-    /// Jobs of any tenant that would be claimed before this one; 0 unless it is Queued.
+    /// About how many jobs will be claimed before this one; 0 unless it is Queued. Exact while
+    /// one tenant's jobs wait.
     virtual std::int64_t queue_position(const JobRecord& job) = 0;
     /// Events after a sequence, in order, at most `limit`.
     virtual std::vector<StoredEvent> events_after(const JobKey& key, std::int64_t sequence,
                                                   std::size_t limit) = 0;
+    /// Payload of the newest Progress event of the present attempt, or empty.
+    virtual std::string last_progress(const JobKey& key) = 0;
+    /// Follows the store's changes from now on.
+    virtual std::unique_ptr<ChangeFeed> follow() = 0;
 
-    /// Takes the queued job of highest priority, the oldest first.
-    virtual std::optional<JobRecord> claim(Time now) = 0;
+    /// Takes a queued job: of the tenant that has used the smallest share of the workers, the
+    /// one of highest priority, the oldest first.
+    virtual std::optional<JobRecord> claim(const ClaimRequest& request, Time now) = 0;
+    /// Shows that a worker is alive. \return the job's state, or nothing if the claim is void
+    virtual std::optional<JobState> renew(const Claim& claim) = 0;
     /// Adds events of a running attempt, and the previews that they name.
     /// \return the job's last sequence, or nothing if the claim is void
     virtual std::optional<std::int64_t> append(const Claim& claim, std::span<const NewEvent> events,
@@ -167,11 +87,10 @@ public:
                                             Time now) = 0;
     /// Ends an attempt as if it hadn't been.
     virtual std::optional<JobRecord> give_back(const Claim& claim, Time now) = 0;
-    /// Ends an attempt whose worker is gone. `outcome` is for a job that is Quarantined by it.
-    virtual std::optional<JobRecord> lose(const Claim& claim, const std::string& outcome,
-                                          Time now) = 0;
-    /// Every Running or Cancelling job: what a server that owns the store alone finds at its start.
-    virtual std::vector<JobRecord> unsettled() = 0;
+    /// Ends an attempt that failed for no reason of its own, or whose worker is gone.
+    virtual std::optional<JobRecord> lose(const Claim& claim, const Loss& loss, Time now) = 0;
+    /// Every Running or Cancelling job.
+    virtual std::vector<JobRecord> held() = 0;
 
     /// Cancels a queued job, asks a running one to stop, leaves a terminal one as it is.
     virtual std::optional<JobRecord> request_cancel(const JobKey& key, Time now) = 0;
@@ -182,9 +101,16 @@ public:
     /// \param artifacts  gets the digests that the job referred to
     virtual Removal remove(const JobKey& key, std::optional<std::int64_t> revision,
                            std::vector<std::string>* artifacts) = 0;
+    /// Jobs that became terminal before a time, the oldest first, at most `limit`.
+    virtual std::vector<JobKey> ended_before(Time time, std::size_t limit) = 0;
+    /// Mean time from claim to success of the newest `count` such jobs that were really run, or
+    /// nothing if there is none.
+    virtual std::optional<std::chrono::microseconds> mean_run_time(std::size_t count) = 0;
 
     /// Records that an artifact is there. Does nothing if it was known.
-    virtual void add_artifact(const std::string& tenant, const ArtifactId& artifact, Time now) = 0;
+    /// \return false if the tenant may keep no more bytes: its policy's, or else `max_bytes`
+    virtual bool add_artifact(const std::string& tenant, const ArtifactId& artifact,
+                              std::optional<std::int64_t> max_bytes, Time now) = 0;
     virtual std::optional<ArtifactId> find_artifact(const std::string& tenant,
                                                     const std::string& sha256) = 0;
     /// Takes the previews of unfinished attempts off the job, all but those in `keep`.
@@ -198,6 +124,13 @@ public:
 
     /// Counts for monitoring.
     virtual StoreFigures figures() = 0;
+
+    /// Sum of the sizes of a tenant's artifacts.
+    virtual std::int64_t stored_bytes(const std::string& tenant) = 0;
+
+    virtual void set_policy(const std::string& tenant, const TenantPolicy& policy) = 0;
+    /// The defaults if none was set.
+    virtual TenantPolicy policy(const std::string& tenant) = 0;
 };
 
 }  // namespace remesh

@@ -1,27 +1,44 @@
 #include "server/store/sqlite.h"
 
-#include "server/store/job_store.h"
+#include <cerrno>
+
+#include "server/store/job_record.h"
 
 namespace remesh::sqlite {
 namespace {
 
+bool is_full(int code, sqlite3* handle) {
+    // Of a COMMIT that failed SQLite doesn't tell the system's error, which then is the last one.
+    const int told = sqlite3_system_errno(handle);
+    const int error = told != 0 ? told : errno;
+    return code == SQLITE_FULL || ((code & 0xff) == SQLITE_IOERR &&
+                                   (error == ENOSPC || error == EDQUOT || error == EFBIG));
+}
+
 void check(int code, sqlite3* handle, const char* what) {
     if (code != SQLITE_OK) {
-        throw StoreError(std::string("store: ") + what + ": " + sqlite3_errmsg(handle));
+        throw StoreError(std::string("store: ") + what + ": " + sqlite3_errmsg(handle),
+                         is_full(code, handle) ? StoreError::Kind::Full : StoreError::Kind::Failed);
     }
 }
 
 }  // namespace
 
-Connection::Connection(const std::string& path) {
+Connection::Connection(const std::string& path, Mode mode) {
     sqlite3* handle = nullptr;
-    const int code =
-        sqlite3_open_v2(path.c_str(), &handle,
-                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+    const int flags =
+        mode == Mode::ReadOnly ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+    const int code = sqlite3_open_v2(path.c_str(), &handle, flags | SQLITE_OPEN_NOMUTEX, nullptr);
     handle_.reset(handle);
     check(code, handle, "can't open the database");
     sqlite3_extended_result_codes(handle, 1);
-    sqlite3_busy_timeout(handle, 5'000);
+    // Several processes write; each holds the lock for one short transaction.
+    sqlite3_busy_timeout(handle, 10'000);
+}
+
+std::int64_t Connection::integer(std::string_view sql) {
+    Statement statement(*this, sql);
+    return statement.next() ? statement.integer(0) : 0;
 }
 
 void Connection::execute(const char* sql) {

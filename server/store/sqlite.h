@@ -12,11 +12,15 @@ namespace remesh::sqlite {
 /// One connection. Not for two threads at a time.
 class Connection {
 public:
-    /// \throws StoreError if the file can't be opened or isn't a database
-    explicit Connection(const std::string& path);
+    enum class Mode { ReadOnly, ReadWrite };
+
+    /// \throws StoreError if the file can't be opened
+    Connection(const std::string& path, Mode mode);
 
     /// Runs statements that return nothing.
     void execute(const char* sql);
+    /// First column of the first row.
+    [[nodiscard]] std::int64_t integer(std::string_view sql);
     [[nodiscard]] std::int64_t changes() const;
     [[nodiscard]] std::int64_t last_row_id() const;
     [[nodiscard]] sqlite3* handle() const { return handle_.get(); }

@@ -8,9 +8,15 @@
 namespace remesh {
 
 /// Opens or creates a store in one SQLite file (WAL, synchronous=FULL: what was answered is on
-/// disk). The caller owns the directory alone.
+/// disk). Any number of processes of one machine may have it open.
 ///
-/// \throws StoreError if the file is damaged or was written by a newer version
+/// \throws StoreError if the file isn't a store or was written by a newer version; it stays as it
+/// was
 std::unique_ptr<JobStore> open_sqlite_store(const std::filesystem::path& file);
+
+/// Reads a whole store file, if there is one, without writing anything.
+///
+/// \throws StoreError if it is damaged, isn't a store, or was written by a newer version
+void check_sqlite_store(const std::filesystem::path& file);
 
 }  // namespace remesh

@@ -13,6 +13,13 @@ TEST(Machine, ReadsTheQuotaOfACgroup) {
     EXPECT_GE(available_processors(), 1);
 }
 
+TEST(Machine, ReadsTheMemoryOfACgroup) {
+    EXPECT_EQ(bytes_of_limit("536870912"), 536'870'912);
+    EXPECT_EQ(bytes_of_limit("max"), 0);
+    EXPECT_EQ(bytes_of_limit(""), 0);
+    EXPECT_GT(available_memory(), 0);
+}
+
 TEST(Machine, KnowsWhichAddressesStayOnIt) {
     EXPECT_TRUE(is_loopback("127.0.0.1:50051"));
     EXPECT_TRUE(is_loopback("localhost:0"));

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 
 #include "core/error.h"
 #include "server/healthcheck.h"
@@ -179,7 +180,89 @@ TEST(Service, OnlyChecksWhenAskedTo) {
     server.jobs->ListJobs(&context, {}, &list);
     EXPECT_TRUE(status.ok());
     EXPECT_EQ(job.name(), "");
+    EXPECT_EQ(job.estimate().tets(), 4);
+    EXPECT_EQ(job.estimate().memory_bytes(), 1 << 20);
+    EXPECT_EQ(job.estimate().cpu_time().seconds(), 1);
+    EXPECT_EQ(job.estimate().cpu_time().nanos(), 500'000'000);
     EXPECT_EQ(list.jobs_size(), 0);
+}
+
+TEST(Service, AnswersAnEqualJobByTheResultUnlessToldNotTo) {
+    TestServer server(kCopy);
+    v1::CreateJobRequest request = server.request_for("mesh");
+    v1::Job first;
+    server.create(request, &first);
+    const v1::Job done = server.watch(first.name()).back().completed();
+    request.mutable_spec()->set_priority(5);
+    (*request.mutable_spec()->mutable_labels())["other"] = "label";
+    v1::Job again;
+    v1::Job anew;
+    v1::Job other;
+
+    server.create(request, &again);
+    request.mutable_spec()->set_skip_cache(true);
+    server.create(request, &anew);
+    request.mutable_spec()->set_skip_cache(false);
+    request.mutable_spec()->mutable_options()->set_seed(2);
+    server.create(request, &other);
+
+    EXPECT_EQ(again.state(), v1::Job::STATE_SUCCEEDED);
+    EXPECT_EQ(again.origin(), first.name());
+    EXPECT_EQ(again.attempt(), 0);
+    EXPECT_EQ(again.spec().priority(), 5);
+    EXPECT_EQ(again.result().SerializeAsString(), done.result().SerializeAsString());
+    EXPECT_TRUE(server.watch(again.name()).back().has_completed());
+    EXPECT_EQ(anew.state(), v1::Job::STATE_QUEUED);
+    EXPECT_EQ(other.state(), v1::Job::STATE_QUEUED);
+}
+
+TEST(Service, TriesAFailedJobAgainAsANewOne) {
+    std::atomic<bool> is_broken = true;
+    const ScriptedEngine engine(
+        [&](const JobRequest& request, std::string_view input, RunContext& run, OutputSink& out) {
+            if (is_broken) {
+                throw Error(ErrorCode::Unmeshable, "no body");
+            }
+            return ScriptedEngine::copy_input(request, input, run, out);
+        });
+    TestServer server(engine);
+    const std::string failed = server.create("mesh").name();
+    server.watch(failed);
+    is_broken = false;
+    v1::RetryJobRequest request;
+    request.set_name(failed);
+    CallContext context;
+    CallContext second_context;
+    v1::Job again;
+    v1::Job refused;
+
+    const grpc::Status status = server.jobs->RetryJob(&context, request, &again);
+    server.watch(again.name());
+    request.set_name(again.name());
+    const grpc::Status refusal = server.jobs->RetryJob(&second_context, request, &refused);
+
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(again.origin(), failed);
+    server.get(again.name(), &again);
+    EXPECT_EQ(again.state(), v1::Job::STATE_SUCCEEDED);
+    EXPECT_EQ(refusal.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
+TEST(Service, SaysWhatATenantMayNotKeep) {
+    TestServer server(
+        kCopy, [](ServerOptions& options) { options.registry.limits.max_bytes_of_tenant = 8; });
+    server.upload("12345");
+    v1::Digest digest;
+    digest.set_sha256(sha256_of("6789"));
+    digest.set_size_bytes(4);
+    v1::UploadArtifactResponse response;
+
+    const grpc::Status status = server.upload("6789", digest, &response);
+
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    const auto details = detail_of<google::rpc::QuotaFailure>(status);
+    ASSERT_TRUE(details);
+    EXPECT_EQ(details->violations(0).subject(), "tenants/default/bytes");
 }
 
 TEST(Service, CreatesOneJobForARepeatedRequestId) {
@@ -205,7 +288,8 @@ TEST(Service, CreatesOneJobForARepeatedRequestId) {
 TEST(Service, SaysWhenTheQueueIsFull) {
     Gate gate;
     const ScriptedEngine engine(behind(gate));
-    TestServer server(engine, [](ServerOptions& options) { options.registry.max_queued = 1; });
+    TestServer server(engine,
+                      [](ServerOptions& options) { options.registry.limits.max_queued = 1; });
     server.wait_for(server.create("runs").name(), v1::Job::STATE_RUNNING);
     server.create("waits");
     v1::Job job;

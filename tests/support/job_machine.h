@@ -8,10 +8,13 @@
 #include <string>
 #include <utility>
 
+#include "server/jobs/housekeeper.h"
+#include "server/jobs/lease_desk.h"
 #include "server/jobs/registry.h"
 #include "server/jobs/worker_pool.h"
 #include "server/store/artifact_store.h"
 #include "server/store/sqlite_job_store.h"
+#include "server/store/worker_roster.h"
 #include "tests/support/scripted_engine.h"
 #include "tests/support/temporary_directory.h"
 
@@ -32,6 +35,8 @@ public:
         request.priority = std::stoi(text.substr(second + 1));
         return request;
     }
+    [[nodiscard]] std::string cache_key(std::string_view) const override { return {}; }
+    [[nodiscard]] Progress decode_progress(std::string_view) const override { return {}; }
     [[nodiscard]] std::string encode_event(const JobEventBody& event) const override {
         if (const auto* sample = std::get_if<ConvergenceSample>(&event)) {
             return "sample " + std::to_string(sample->iteration);
@@ -53,14 +58,15 @@ public:
     }
 };
 
-/// A registry with workers over a directory, without a network. `stop` and `start` are what a
-/// restart of the server does.
+/// A registry with workers and a housekeeper over a directory, without a network. `stop` and
+/// `start` are what a restart of the server does.
 class JobMachine {
 public:
     explicit JobMachine(ScriptedEngine::Script script = ScriptedEngine::copy_input,
-                        RegistryOptions options = {})
-        : engine_(std::move(script)), options_(options) {
-        options_.flush_interval = std::chrono::milliseconds(5);
+                        RegistryOptions options = {}, DeskOptions desk_options = {})
+        : engine_(std::move(script)), options_(options), desk_options_(std::move(desk_options)) {
+        desk_options_.worker = "machine";
+        desk_options_.flush_interval = std::chrono::milliseconds(5);
         start();
     }
     ~JobMachine() { stop(); }
@@ -69,6 +75,13 @@ public:
         store_ = open_sqlite_store(directory_.path() / "store.sqlite");
         artifacts_ = std::make_unique<ArtifactStore>(directory_.path(), *store_);
         registry_ = std::make_unique<JobRegistry>(*store_, *artifacts_, codec_, engine_, options_);
+        housekeeper_ = std::make_unique<Housekeeper>(
+            *store_, *artifacts_, *registry_, codec_,
+            [this](const std::string& worker) { return roster_.is_alive(worker); },
+            HousekeeperOptions{});
+        housekeeper_->take_up(system_now());
+        entry_ = std::make_unique<WorkerEntry>(roster_, "machine");
+        desk_ = std::make_unique<LeaseDesk>(*store_, *artifacts_, codec_, desk_options_);
         registry_->set_listener([this](const JobKey&) {
             const std::scoped_lock lock(mutex_);
             ++changes_;
@@ -76,13 +89,17 @@ public:
         });
     }
     void start_workers(int count) {
-        workers_ = std::make_unique<WorkerPool>(*registry_, *artifacts_, codec_, engine_,
+        workers_ = std::make_unique<WorkerPool>(*desk_, *artifacts_, codec_, engine_,
                                                 WorkerOptions{count, 1});
     }
     /// As SIGTERM does.
     void stop() {
         registry_->drain();
+        desk_->drain();
         workers_.reset();
+        desk_.reset();
+        entry_.reset();
+        housekeeper_.reset();
         registry_.reset();
         artifacts_.reset();
         store_.reset();
@@ -125,18 +142,25 @@ public:
     JobStore& store() { return *store_; }
     ArtifactStore& artifacts() { return *artifacts_; }
     JobRegistry& registry() { return *registry_; }
+    LeaseDesk& desk() { return *desk_; }
+    Housekeeper& housekeeper() { return *housekeeper_; }
 
 private:
     TemporaryDirectory directory_;
     TextCodec codec_;
     ScriptedEngine engine_;
     RegistryOptions options_;
+    DeskOptions desk_options_;
+    WorkerRoster roster_{directory_.path()};
     std::mutex mutex_;
     std::condition_variable changed_;
     std::uint64_t changes_ = 0;  // needs mutex_
     std::unique_ptr<JobStore> store_;
     std::unique_ptr<ArtifactStore> artifacts_;
     std::unique_ptr<JobRegistry> registry_;
+    std::unique_ptr<Housekeeper> housekeeper_;
+    std::unique_ptr<WorkerEntry> entry_;
+    std::unique_ptr<LeaseDesk> desk_;
     std::unique_ptr<WorkerPool> workers_;
 };
 

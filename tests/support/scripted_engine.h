@@ -63,6 +63,9 @@ public:
         }
         return problems;
     }
+    [[nodiscard]] JobEstimate estimate(const JobRequest&, std::string_view input) const override {
+        return {static_cast<std::int64_t>(input.size()), 1.5, 1 << 20};
+    }
     JobResult run(const JobRequest& request, std::string_view input, RunContext& run,
                   OutputSink& outputs) const override {
         return script_(request, input, run, outputs);

@@ -55,7 +55,7 @@ public:
         : engine_(engine) {
         options_.data_dir = directory_.path();
         options_.listen = "127.0.0.1:0";
-        options_.registry.flush_interval = std::chrono::milliseconds(5);
+        options_.workforce.desk.flush_interval = std::chrono::milliseconds(5);
         if (tune) {
             tune(options_);
         }

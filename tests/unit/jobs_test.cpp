@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "core/error.h"
+#include "server/jobs/losses.h"
 #include "tests/support/job_machine.h"
 
 namespace remesh {
@@ -101,11 +102,11 @@ TEST(JobMachine, FailsTheJobOfAnEngineThatThrowsSomethingElse) {
 }
 
 TEST(JobMachine, CountsADroppedLeaseAsLostAndQuarantinesAfterTheLast) {
-    JobMachine machine;
+    JobMachine machine(ScriptedEngine::copy_input, {.max_attempts = 2});
     const JobKey key = machine.submit("mesh");
 
-    for (int attempt = 1; attempt <= 3; ++attempt) {
-        const auto lease = machine.registry().claim({});
+    for (int attempt = 1; attempt <= 2; ++attempt) {
+        const auto lease = machine.desk().claim({});
         ASSERT_TRUE(lease);
         EXPECT_EQ(lease->job().attempt, attempt);
     }
@@ -137,7 +138,7 @@ TEST(JobMachine, StopsARunningJobThatIsCancelled) {
 
 TEST(JobMachine, FailsAJobThatRunsTooLong) {
     Gate gate;
-    JobMachine machine(behind(gate), {.max_run_time = std::chrono::milliseconds(1)});
+    JobMachine machine(behind(gate), {}, {.max_run_time = std::chrono::milliseconds(1)});
     const JobKey key = machine.submit("mesh");
     machine.start_workers(1);
 
@@ -166,12 +167,13 @@ TEST(JobMachine, RefusesNewJobsWhileItDrains) {
     JobMachine machine;
     const ArtifactId input = machine.upload("mesh");
     machine.registry().drain();
+    machine.desk().drain();
 
     EXPECT_EQ(code_of([&] {
                   machine.registry().submit({"clinic", "", TextCodec::spec(input, 0), false});
               }),
               JobErrorCode::ShuttingDown);
-    EXPECT_FALSE(machine.registry().claim({}));
+    EXPECT_FALSE(machine.desk().claim({}));
 }
 
 TEST(JobMachine, TakesUpWhatAKilledServerLeft) {
@@ -180,8 +182,8 @@ TEST(JobMachine, TakesUpWhatAKilledServerLeft) {
     const JobKey cancelling = machine.submit("two");
     const JobKey queued = machine.submit("three");
     // Claimed behind the registry's back: nobody is left to settle them.
-    machine.store().claim(system_now());
-    machine.store().claim(system_now());
+    machine.store().claim({"killed", std::nullopt}, system_now());
+    machine.store().claim({"killed", std::nullopt}, system_now());
     machine.store().request_cancel(cancelling, system_now());
 
     machine.stop();
@@ -191,6 +193,155 @@ TEST(JobMachine, TakesUpWhatAKilledServerLeft) {
     EXPECT_EQ(machine.wait_for(running, JobState::Succeeded).attempt, 2);
     EXPECT_EQ(machine.wait_for(queued, JobState::Succeeded).attempt, 1);
     EXPECT_EQ(machine.registry().get(cancelling).job.state, JobState::Cancelled);
+}
+
+TEST(JobMachine, GivesTheJobsOfSilentWorkersToOthers) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    // In the roster the machine's own worker lives, but nobody beats for this claim.
+    const auto claimed = machine.store().claim({"machine", std::nullopt}, system_now());
+    const Housekeeper::SteadyTime start{};
+
+    EXPECT_EQ(machine.housekeeper().expire(start, system_now()), 0);
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(29), system_now()), 0);
+    machine.store().renew({key, claimed->epoch});
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(31), system_now()), 0);
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(60), system_now()), 0);
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(61), system_now()), 1);
+    machine.start_workers(1);
+    EXPECT_EQ(machine.wait_for(key, JobState::Succeeded).attempt, 2);
+}
+
+TEST(JobMachine, LosesNoLeaseToAClockThatJumps) {
+    JobMachine machine;
+    machine.submit("mesh");
+    machine.store().claim({"machine", std::nullopt}, system_now());
+    const Housekeeper::SteadyTime start{};
+
+    machine.housekeeper().expire(start, system_now());
+    const Time tomorrow = system_now() + std::chrono::hours(24);
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(1), tomorrow), 0);
+    const Time yesterday = system_now() - std::chrono::hours(24);
+    EXPECT_EQ(machine.housekeeper().expire(start + std::chrono::seconds(2), yesterday), 0);
+}
+
+TEST(JobMachine, TakesTheJobsOfDeadWorkersAtTheSecondLook) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    machine.store().claim({"dead", std::nullopt}, system_now());
+
+    EXPECT_EQ(machine.housekeeper().expire({}, system_now()), 0);
+    EXPECT_EQ(machine.housekeeper().expire({}, system_now()), 1);
+    EXPECT_EQ(machine.registry().get(key).job.crashes, 0);
+}
+
+TEST(JobMachine, QuarantinesAJobThatCrashedTwoWorkers) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    for (int i = 0; i < 2; ++i) {
+        ASSERT_TRUE(machine.store().claim({"crashing", std::nullopt}, system_now()));
+        EXPECT_EQ(
+            lose_all_of("crashing", LossCause::Crash, machine.store(), TextCodec(), system_now()),
+            1);
+    }
+
+    EXPECT_EQ(machine.registry().get(key).job.state, JobState::Quarantined);
+    EXPECT_EQ(machine.registry().get(key).job.outcome, "WORKER_LOST");
+}
+
+TEST(JobMachine, TriesAgainWhenTheStoreFailsARun) {
+    std::atomic<int> runs = 0;
+    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+                           OutputSink& outputs) {
+        if (++runs == 1) {
+            throw StoreError("the disk is full", StoreError::Kind::Full);
+        }
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Succeeded).attempt, 2);
+}
+
+TEST(JobMachine, FailsAJobThatTheStoreFailsEveryTime) {
+    JobMachine machine([](const JobRequest&, std::string_view, RunContext&,
+                          OutputSink&) -> JobResult { throw StoreError("the disk is full"); },
+                       {.max_attempts = 2});
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "STORAGE");
+}
+
+TEST(JobMachine, FailsAJobThatNeedsMoreMemoryThanItMay) {
+    Gate gate;
+    JobMachine machine(behind(gate), {}, {.max_process_bytes = 1});
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "TOO_LARGE");
+}
+
+TEST(JobMachine, SubmitsAFailedJobAgainAsANewOne) {
+    std::atomic<bool> is_broken = true;
+    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+                           OutputSink& outputs) {
+        if (is_broken) {
+            throw Error(ErrorCode::Unmeshable, "no body");
+        }
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    });
+    const JobKey key = machine.submit("mesh");
+    EXPECT_EQ(code_of([&] { machine.registry().retry(key, ""); }), JobErrorCode::NotRetryable);
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Failed);
+
+    is_broken = false;
+    const JobView again = machine.registry().retry(key, "r");
+    const JobKey same = machine.registry().retry(key, "r").job.key;
+
+    EXPECT_EQ(again.job.origin, key.id);
+    EXPECT_EQ(same, again.job.key);
+    machine.wait_for(again.job.key, JobState::Succeeded);
+    EXPECT_EQ(machine.registry().get(key).job.state, JobState::Failed);
+    EXPECT_EQ(code_of([&] { machine.registry().retry(same, ""); }), JobErrorCode::NotRetryable);
+}
+
+TEST(JobMachine, EstimatesWhenAJobWillStart) {
+    JobMachine machine;
+    EXPECT_FALSE(machine.registry().get(machine.submit("one")).estimated_start);
+    machine.store().claim({"machine", std::nullopt}, system_now());
+    const auto held = machine.store().held().front();
+    machine.store().settle({held.key, held.epoch}, {JobState::Succeeded, "", {}, {}},
+                           *held.start_time + std::chrono::seconds(100));
+
+    const JobKey second = machine.submit("two");
+    const JobKey third = machine.submit("three");
+    const Time now = system_now();
+
+    EXPECT_GE(machine.registry().get(third).estimated_start, now + std::chrono::seconds(100));
+    EXPECT_LT(machine.registry().get(second).estimated_start, now + std::chrono::seconds(100));
+}
+
+TEST(JobMachine, DeletesWhatIsOld) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Succeeded);
+    const ArtifactId unused = machine.upload("unused");
+    Housekeeper keeper(machine.store(), machine.artifacts(), machine.registry(), TextCodec(),
+                       [](const std::string&) { return true; },
+                       {.keep_uploads = std::chrono::hours(1), .keep_jobs = std::chrono::hours(2)});
+
+    keeper.clean_up(system_now());
+    EXPECT_TRUE(machine.artifacts().find("clinic", unused.sha256));
+    keeper.clean_up(system_now() + std::chrono::minutes(90));
+    EXPECT_FALSE(machine.artifacts().find("clinic", unused.sha256));
+    EXPECT_EQ(machine.registry().get(key).job.state, JobState::Succeeded);
+    keeper.clean_up(system_now() + std::chrono::minutes(150));
+    EXPECT_EQ(code_of([&] { machine.registry().get(key); }), JobErrorCode::NotFound);
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("out:mesh")));
 }
 
 TEST(JobMachine, RunsByPriorityThenAge) {
@@ -268,7 +419,7 @@ TEST(JobMachine, ReturnsTheFirstJobForARepeatedRequest) {
 }
 
 TEST(JobMachine, RefusesMoreJobsThanMayWait) {
-    JobMachine machine(ScriptedEngine::copy_input, {.max_queued = 1});
+    JobMachine machine(ScriptedEngine::copy_input, {.limits = {.max_queued = 1}});
     machine.submit("one");
 
     EXPECT_EQ(code_of([&] { machine.submit("two"); }), JobErrorCode::LimitPassed);

@@ -1,317 +1,247 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 
+#include <csignal>
+#include <cstdlib>
 #include <fstream>
-#include <functional>
+#include <iterator>
 #include <memory>
+#include <unistd.h>
 
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
 #include "server/store/digest.h"
 #include "server/store/job_store.h"
+#include "server/store/sqlite.h"
 #include "server/store/sqlite_job_store.h"
+#include "server/store/worker_roster.h"
 #include "tests/support/temporary_directory.h"
 
 namespace remesh {
 namespace {
 
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
-using ::testing::SizeIs;
 using testing::TemporaryDirectory;
-using Verdict = Creation::Verdict;
-
-const std::string kInput(64, 'a');
-const std::string kOutput(64, 'b');
-const std::string kPreview(64, 'c');
 
 Time at(int second) {
     return Time(std::chrono::seconds(second));
 }
 
-NewJob job_named(const std::string& id, int priority = 0) {
-    return {{"clinic", id}, "", "spec of " + id, priority, 3, {kInput}};
+std::string bytes_of(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// What every engine of the store must do. A new engine adds its way to open it below.
-struct StoreEngine {
-    std::string name;
-    std::function<std::unique_ptr<JobStore>(const std::filesystem::path&)> open;
-};
-
-class JobStoreConformance : public ::testing::TestWithParam<StoreEngine> {
-protected:
-    JobStoreConformance() { store->add_artifact("clinic", {kInput, 10}, at(0)); }
-
-    void reopen() {
-        store.reset();
-        store = GetParam().open(directory.path());
+/// A file with jobs, as big as some pages.
+std::filesystem::path make_store(const TemporaryDirectory& directory) {
+    const auto file = directory.path() / "store.sqlite";
+    const auto store = open_sqlite_store(file);
+    for (int i = 0; i < 50; ++i) {
+        store->create({{"clinic", std::to_string(i)}, "", std::string(1'000, 'x')}, {}, at(1));
     }
-    JobRecord create(const std::string& id, int priority = 0) {
-        return *store->create(job_named(id, priority), 100, at(1)).job;
+    return file;
+}
+
+TEST(SqliteJobStore, FindsNothingWrongWithAWholeFileOrNone) {
+    const TemporaryDirectory directory;
+
+    EXPECT_NO_THROW(check_sqlite_store(directory.path() / "none.sqlite"));
+    EXPECT_NO_THROW(check_sqlite_store(make_store(directory)));
+}
+
+TEST(SqliteJobStore, RefusesADamagedFileAndLeavesItAsItIs) {
+    const TemporaryDirectory directory;
+    const auto file = make_store(directory);
+    {
+        std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
+        stream.seekp(2 * 4'096);
+        stream << std::string(std::filesystem::file_size(file) - 2 * 4'096, '\xff');
     }
-    Claim claim() {
-        const auto job = store->claim(at(2));
-        return {job->key, job->epoch};
-    }
-    JobState state(const std::string& id) { return store->find({"clinic", id})->state; }
+    const std::string damaged = bytes_of(file);
 
-    TemporaryDirectory directory;
-    std::unique_ptr<JobStore> store = GetParam().open(directory.path());
-};
-
-TEST_P(JobStoreConformance, KeepsWhatWasCreatedOverAReopening) {
-    const JobRecord created = create("one", 7);
-
-    reopen();
-
-    const auto job = store->find({"clinic", "one"});
-    ASSERT_TRUE(job);
-    EXPECT_EQ(job->spec, "spec of one");
-    EXPECT_EQ(job->priority, 7);
-    EXPECT_EQ(job->state, JobState::Queued);
-    EXPECT_EQ(job->create_time, at(1));
-    EXPECT_EQ(job->revision, created.revision);
-    EXPECT_EQ(job->last_sequence, 1);
-    EXPECT_FALSE(store->find({"other", "one"}));
+    EXPECT_THROW(check_sqlite_store(file), StoreError);
+    EXPECT_EQ(bytes_of(file), damaged);
 }
-
-TEST_P(JobStoreConformance, ReturnsTheFirstJobForARepeatedRequest) {
-    NewJob job = job_named("one");
-    job.request_id = "r";
-    store->create(job, 100, at(1));
-    NewJob again = job_named("two");
-    again.request_id = "r";
-    again.spec = job.spec;
-
-    const Creation repeated = store->create(again, 100, at(2));
-    again.spec = "another";
-    const Creation conflict = store->create(again, 100, at(2));
-    again.key.tenant = "other";
-    again.inputs.clear();
-    const Creation elsewhere = store->create(again, 100, at(2));
-
-    EXPECT_EQ(repeated.verdict, Verdict::Repeated);
-    EXPECT_EQ(repeated.job->key.id, "one");
-    EXPECT_EQ(conflict.verdict, Verdict::Conflict);
-    EXPECT_EQ(elsewhere.verdict, Verdict::Created);
-}
-
-TEST_P(JobStoreConformance, RefusesAJobWithoutItsInputOrBeyondTheQueue) {
-    NewJob job = job_named("one");
-    job.inputs = {kInput, kOutput};
-
-    const Creation missing = store->create(job, 100, at(1));
-    create("two");
-    const Creation full = store->create(job_named("three"), 1, at(1));
-
-    EXPECT_EQ(missing.verdict, Verdict::MissingInput);
-    EXPECT_EQ(missing.missing, kOutput);
-    EXPECT_EQ(full.verdict, Verdict::QueueFull);
-    EXPECT_FALSE(store->find({"clinic", "three"}));
-}
-
-TEST_P(JobStoreConformance, HandsOutTheHighestPriorityThenTheOldest) {
-    create("low", -5);
-    create("first");
-    create("second");
-    const JobRecord high = create("high", 5);
-
-    EXPECT_EQ(store->queue_position(high), 0);
-    EXPECT_EQ(store->queue_position(*store->find({"clinic", "second"})), 2);
-    EXPECT_EQ(store->claim(at(2))->key.id, "high");
-    EXPECT_EQ(store->claim(at(2))->key.id, "first");
-    EXPECT_EQ(store->claim(at(2))->key.id, "second");
-    EXPECT_EQ(store->claim(at(2))->key.id, "low");
-    EXPECT_FALSE(store->claim(at(2)));
-}
-
-TEST_P(JobStoreConformance, NumbersEventsWithoutGapsOverTheWholeLife) {
-    create("one");
-    const Claim held = claim();
-    const std::vector<NewEvent> events{{EventKind::Progress, at(3), "p"},
-                                       {EventKind::Sample, at(4), "s"}};
-    const auto last = store->append(held, events, {}, at(4));
-    store->settle(held, {JobState::Succeeded, "done", {{EventKind::Warning, at(5), "w"}}, {}},
-                  at(6));
-
-    const auto all = store->events_after(held.key, 0, 100);
-
-    EXPECT_EQ(last, 4);
-    ASSERT_THAT(all, SizeIs(6));
-    for (std::size_t i = 0; i < all.size(); ++i) {
-        EXPECT_EQ(all[i].sequence, static_cast<std::int64_t>(i) + 1);
-    }
-    EXPECT_EQ(all[0].state, JobState::Queued);
-    EXPECT_EQ(all[1].state, JobState::Running);
-    EXPECT_EQ(all[1].attempt, 1);
-    EXPECT_EQ(all[2].payload, "p");
-    EXPECT_EQ(all[4].kind, EventKind::Warning);
-    EXPECT_EQ(all[5].state, JobState::Succeeded);
-    EXPECT_THAT(store->events_after(held.key, 4, 1), SizeIs(1));
-    EXPECT_EQ(store->events_after(held.key, 4, 1).front().sequence, 5);
-}
-
-TEST_P(JobStoreConformance, SettlesOnceAndShowsOutputsWithIt) {
-    create("one");
-    const Claim held = claim();
-    const Settlement success{JobState::Succeeded, "done", {}, {{kOutput, 5}}};
-
-    const auto settled = store->settle(held, success, at(9));
-    const auto again = store->settle(held, {JobState::Failed, "no", {}, {}}, at(10));
-
-    EXPECT_EQ(settled->state, JobState::Succeeded);
-    EXPECT_EQ(settled->end_time, at(9));
-    EXPECT_EQ(settled->start_time, at(2));
-    EXPECT_FALSE(again);
-    EXPECT_EQ(store->find(held.key)->outcome, "done");
-    EXPECT_EQ(store->find_artifact("clinic", kOutput), (ArtifactId{kOutput, 5}));
-}
-
-TEST_P(JobStoreConformance, ChangesNothingForAnOldClaim) {
-    create("one");
-    const Claim old = claim();
-    store->lose(old, "lost", at(3));
-    const Claim present = claim();
-
-    EXPECT_FALSE(
-        store->append(old, std::vector<NewEvent>{{EventKind::Sample, at(4), "s"}}, {}, at(4)));
-    EXPECT_FALSE(store->settle(old, {JobState::Succeeded, "stale", {}, {{kOutput, 5}}}, at(4)));
-    EXPECT_FALSE(store->give_back(old, at(4)));
-    EXPECT_FALSE(store->lose(old, "lost", at(4)));
-    EXPECT_EQ(state("one"), JobState::Running);
-    EXPECT_FALSE(store->find_artifact("clinic", kOutput));
-    EXPECT_TRUE(store->settle(present, {JobState::Succeeded, "done", {}, {}}, at(5)));
-}
-
-TEST_P(JobStoreConformance, DoesNotCountAnAttemptThatWasGivenBack) {
-    create("one");
-
-    const auto job = store->give_back(claim(), at(3));
-
-    EXPECT_EQ(job->state, JobState::Queued);
-    EXPECT_EQ(job->attempt, 0);
-    EXPECT_EQ(store->claim(at(4))->attempt, 1);
-}
-
-TEST_P(JobStoreConformance, QuarantinesAJobThatLostAllItsAttempts) {
-    create("one");
-
-    EXPECT_EQ(store->lose(claim(), "lost", at(3))->state, JobState::Queued);
-    EXPECT_EQ(store->lose(claim(), "lost", at(3))->state, JobState::Queued);
-    const auto job = store->lose(claim(), "lost", at(3));
-
-    EXPECT_EQ(job->state, JobState::Quarantined);
-    EXPECT_EQ(job->outcome, "lost");
-    EXPECT_FALSE(store->claim(at(4)));
-}
-
-TEST_P(JobStoreConformance, CancelsQueuedJobsAtOnceAndRunningOnesWhenTheyEnd) {
-    create("running");
-    const Claim held = claim();
-    create("queued");
-
-    EXPECT_EQ(store->request_cancel({"clinic", "queued"}, at(3))->state, JobState::Cancelled);
-    EXPECT_EQ(store->request_cancel({"clinic", "running"}, at(3))->state, JobState::Cancelling);
-    const auto repeated = store->request_cancel({"clinic", "running"}, at(4));
-    const auto ended =
-        store->settle(held, {JobState::Succeeded, "done", {}, {{kOutput, 5}}}, at(5));
-
-    EXPECT_EQ(repeated->last_sequence, 3);
-    EXPECT_EQ(ended->state, JobState::Cancelled);
-    EXPECT_EQ(ended->outcome, "");
-    EXPECT_FALSE(store->find_artifact("clinic", kOutput));
-    EXPECT_EQ(store->request_cancel({"clinic", "running"}, at(6))->state, JobState::Cancelled);
-    EXPECT_FALSE(store->request_cancel({"clinic", "none"}, at(6)));
-}
-
-TEST_P(JobStoreConformance, EndsACancellingJobWhoseWorkerIsGone) {
-    create("one");
-    const Claim held = claim();
-    store->request_cancel(held.key, at(3));
-
-    EXPECT_THAT(store->unsettled(), SizeIs(1));
-    EXPECT_EQ(store->lose(held, "lost", at(4))->state, JobState::Cancelled);
-    EXPECT_THAT(store->unsettled(), IsEmpty());
-}
-
-TEST_P(JobStoreConformance, ListsNewestFirstByPageAndState) {
-    create("one");
-    create("two");
-    create("three");
-    store->request_cancel({"clinic", "two"}, at(3));
-
-    const auto page = store->list({"clinic", {}, {}, 2});
-    const auto rest = store->list({"clinic", {}, page.back().number, 2});
-    const auto queued = store->list({"clinic", {JobState::Queued}, {}, 10});
-
-    ASSERT_THAT(page, SizeIs(2));
-    EXPECT_EQ(page[0].key.id, "three");
-    EXPECT_EQ(page[1].key.id, "two");
-    ASSERT_THAT(rest, SizeIs(1));
-    EXPECT_EQ(rest[0].key.id, "one");
-    EXPECT_THAT(queued, SizeIs(2));
-    EXPECT_THAT(store->list({"other", {}, {}, 10}), IsEmpty());
-}
-
-TEST_P(JobStoreConformance, RemovesOnlyTerminalJobsOfTheExpectedRevision) {
-    const JobRecord created = create("one");
-    std::vector<std::string> artifacts;
-
-    EXPECT_EQ(store->remove(created.key, {}, &artifacts), JobStore::Removal::NotTerminal);
-    const auto cancelled = store->request_cancel(created.key, at(3));
-    EXPECT_EQ(store->remove(created.key, created.revision, &artifacts),
-              JobStore::Removal::OtherRevision);
-    EXPECT_EQ(store->remove(created.key, cancelled->revision, &artifacts),
-              JobStore::Removal::Removed);
-    EXPECT_EQ(store->remove(created.key, {}, &artifacts), JobStore::Removal::NotFound);
-
-    EXPECT_THAT(artifacts, ElementsAre(kInput));
-    EXPECT_THAT(store->events_after(created.key, 0, 10), IsEmpty());
-}
-
-TEST_P(JobStoreConformance, KeepsAnArtifactAsLongAsAJobNeedsIt) {
-    create("one");
-    create("two");
-    std::vector<std::string> artifacts;
-    for (const char* id : {"one", "two"}) {
-        EXPECT_FALSE(store->remove_artifact("clinic", kInput)) << "before removing " << id;
-        store->request_cancel({"clinic", id}, at(3));
-        store->remove({"clinic", id}, {}, &artifacts);
-    }
-
-    EXPECT_THAT(store->unreferenced_artifacts(at(0)), IsEmpty());
-    EXPECT_THAT(store->unreferenced_artifacts(at(1)), SizeIs(1));
-    EXPECT_TRUE(store->remove_artifact("clinic", kInput));
-    EXPECT_FALSE(store->find_artifact("clinic", kInput));
-}
-
-TEST_P(JobStoreConformance, DropsThePreviewsThatNobodyKeeps) {
-    create("one");
-    const Claim held = claim();
-    store->append(held, std::vector<NewEvent>{{EventKind::Preview, at(3), "v"}},
-                  std::vector<ArtifactId>{{kPreview, 3}, {kOutput, 3}}, at(3));
-
-    EXPECT_THAT(store->drop_previews(held.key, std::vector{kPreview}), ElementsAre(kOutput));
-    EXPECT_FALSE(store->remove_artifact("clinic", kPreview));
-    EXPECT_TRUE(store->remove_artifact("clinic", kOutput));
-}
-
-INSTANTIATE_TEST_SUITE_P(Engines, JobStoreConformance,
-                         ::testing::Values(StoreEngine{"Sqlite",
-                                                       [](const std::filesystem::path& directory) {
-                                                           return open_sqlite_store(directory /
-                                                                                    "store.sqlite");
-                                                       }}),
-                         [](const auto& engine) { return engine.param.name; });
 
 TEST(SqliteJobStore, RefusesAFileThatIsNoDatabase) {
     const TemporaryDirectory directory;
     const auto file = directory.path() / "store.sqlite";
     std::ofstream(file) << std::string(10'000, 'x');
 
+    EXPECT_THROW(check_sqlite_store(file), StoreError);
     EXPECT_THROW((void)open_sqlite_store(file), StoreError);
-    EXPECT_EQ(std::filesystem::file_size(file), 10'000U);
+    EXPECT_EQ(bytes_of(file), std::string(10'000, 'x'));
+}
+
+TEST(SqliteJobStore, RefusesTheDatabaseOfAnotherProgram) {
+    const TemporaryDirectory directory;
+    const auto file = directory.path() / "store.sqlite";
+    sqlite::Connection(file, sqlite::Connection::Mode::ReadWrite)
+        .execute("CREATE TABLE patients (name TEXT)");
+    const std::string before = bytes_of(file);
+
+    EXPECT_THROW(check_sqlite_store(file), StoreError);
+    EXPECT_THROW((void)open_sqlite_store(file), StoreError);
+    EXPECT_EQ(bytes_of(file), before);
+}
+
+TEST(SqliteJobStore, RefusesTheFileOfANewerVersion) {
+    const TemporaryDirectory directory;
+    const auto file = make_store(directory);
+    sqlite::Connection(file, sqlite::Connection::Mode::ReadWrite)
+        .execute("PRAGMA user_version = 99");
+
+    EXPECT_THROW(check_sqlite_store(file), StoreError);
+    EXPECT_THROW((void)open_sqlite_store(file), StoreError);
+}
+
+constexpr const char* kVersion1 = R"sql(
+CREATE TABLE jobs (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,
+    tenant TEXT NOT NULL,
+    id TEXT NOT NULL,
+    request_id TEXT,
+    spec BLOB NOT NULL,
+    priority INTEGER NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('queued', 'running', 'cancelling', 'succeeded', 'failed',
+                                         'cancelled', 'quarantined')),
+    attempt INTEGER NOT NULL CHECK (attempt >= 0),
+    max_attempts INTEGER NOT NULL CHECK (max_attempts >= 1),
+    epoch INTEGER NOT NULL,
+    revision INTEGER NOT NULL,
+    create_time INTEGER NOT NULL,
+    start_time INTEGER,
+    end_time INTEGER,
+    outcome BLOB NOT NULL,
+    last_sequence INTEGER NOT NULL,
+    UNIQUE (tenant, id),
+    UNIQUE (tenant, request_id),
+    CHECK ((state IN ('succeeded', 'failed', 'cancelled', 'quarantined'))
+           = (end_time IS NOT NULL)),
+    CHECK (state NOT IN ('running', 'cancelling', 'succeeded', 'failed', 'quarantined')
+           OR start_time IS NOT NULL)
+) STRICT;
+CREATE INDEX jobs_by_queue ON jobs (priority DESC, number) WHERE state = 'queued';
+CREATE INDEX jobs_by_tenant ON jobs (tenant, number);
+
+CREATE TABLE events (
+    job INTEGER NOT NULL REFERENCES jobs (number) ON DELETE CASCADE,
+    sequence INTEGER NOT NULL CHECK (sequence >= 1),
+    time INTEGER NOT NULL,
+    kind INTEGER NOT NULL,
+    payload BLOB NOT NULL,
+    state TEXT,
+    attempt INTEGER,
+    PRIMARY KEY (job, sequence)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE artifacts (
+    tenant TEXT NOT NULL,
+    sha256 TEXT NOT NULL CHECK (length(sha256) = 64),
+    size INTEGER NOT NULL CHECK (size >= 0),
+    create_time INTEGER NOT NULL,
+    PRIMARY KEY (tenant, sha256)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE job_artifacts (
+    job INTEGER NOT NULL REFERENCES jobs (number) ON DELETE CASCADE,
+    role TEXT NOT NULL CHECK (role IN ('input', 'output', 'preview')),
+    sha256 TEXT NOT NULL,
+    tenant TEXT NOT NULL,
+    PRIMARY KEY (job, role, sha256),
+    FOREIGN KEY (tenant, sha256) REFERENCES artifacts (tenant, sha256)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX job_artifacts_by_artifact ON job_artifacts (tenant, sha256);
+)sql";
+
+TEST(SqliteJobStore, TakesOverWhatTheFirstVersionWrote) {
+    const TemporaryDirectory directory;
+    const auto file = directory.path() / "store.sqlite";
+    {
+        sqlite::Connection old(file, sqlite::Connection::Mode::ReadWrite);
+        old.execute(kVersion1);
+        old.execute(R"sql(
+            INSERT INTO artifacts VALUES ('clinic', printf('%064d', 1), 10, 5);
+            INSERT INTO jobs VALUES
+                (3, 'clinic', 'done', 'r', x'01', 7, 'succeeded', 1, 3, 1, 3, 100, 200, 300, x'02', 3),
+                (4, 'clinic', 'runs', NULL, x'01', 0, 'running', 4, 3, 4, 9, 100, 90, NULL, x'', 2);
+            INSERT INTO events VALUES
+                (3, 1, 100, 0, x'', 'queued', 0), (3, 2, 200, 0, x'', 'running', 1),
+                (3, 3, 300, 0, x'', 'succeeded', 1),
+                (4, 1, 100, 0, x'', 'queued', 0), (4, 2, 110, 1, x'07', NULL, NULL);
+            INSERT INTO job_artifacts VALUES (3, 'input', printf('%064d', 1), 'clinic');
+            PRAGMA user_version = 1;)sql");
+    }
+
+    const auto store = open_sqlite_store(file);
+
+    const auto done = store->find({"clinic", "done"});
+    ASSERT_TRUE(done);
+    EXPECT_EQ(done->state, JobState::Succeeded);
+    EXPECT_EQ(done->priority, 7);
+    EXPECT_EQ(done->outcome, "\x02");
+    EXPECT_EQ(done->last_sequence, 3);
+    EXPECT_EQ(store->events_after(done->key, 0, 10).size(), 3U);
+    EXPECT_FALSE(store->remove_artifact("clinic", std::string(63, '0') + "1"));
+    const auto held = store->held();
+    ASSERT_EQ(held.size(), 1U);
+    EXPECT_EQ(held[0].start_time, held[0].create_time);
+    const Loss loss{.last_state = JobState::Quarantined, .outcome = "lost"};
+    EXPECT_EQ(store->lose({held[0].key, held[0].epoch}, loss, at(1))->state, JobState::Quarantined);
+    EXPECT_NO_THROW(check_sqlite_store(file));
+}
+
+/// No file of this process grows beyond a size: as a full disk would have it.
+class FullDisk {
+public:
+    explicit FullDisk(rlim_t bytes) {
+        std::signal(SIGXFSZ, SIG_IGN);
+        ::getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit limit{bytes, before_.rlim_max};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+    }
+    FullDisk(const FullDisk&) = delete;
+    FullDisk& operator=(const FullDisk&) = delete;
+    ~FullDisk() { ::setrlimit(RLIMIT_FSIZE, &before_); }
+
+private:
+    rlimit before_{};
+};
+
+/// Creates jobs until the disk is full. \return how many were acknowledged
+int create_until_full(JobStore& store) {
+    for (int i = 0; i < 1'000; ++i) {
+        try {
+            store.create({{"clinic", std::to_string(i)}, "", std::string(5'000, 'x')}, {}, at(1));
+        } catch (const StoreError& error) {
+            EXPECT_EQ(error.kind(), StoreError::Kind::Full) << error.what();
+            return i;
+        }
+    }
+    return 1'000;
+}
+
+TEST(SqliteJobStore, KeepsWhatItAcknowledgedOnAFullDiskAndGoesOnLater) {
+    const TemporaryDirectory directory;
+    const auto file = directory.path() / "store.sqlite";
+    auto store = open_sqlite_store(file);
+    int acknowledged = 0;
+    {
+        const FullDisk full(400'000);
+        acknowledged = create_until_full(*store);
+    }
+    EXPECT_GT(acknowledged, 0);
+    EXPECT_LT(acknowledged, 1'000);
+
+    const auto later = store->create({{"clinic", "later"}, "", "x"}, {}, at(1));
+    store.reset();
+    check_sqlite_store(file);
+    store = open_sqlite_store(file);
+
+    EXPECT_EQ(later.verdict, Creation::Verdict::Created);
+    EXPECT_EQ(store->list({"clinic", {}, {}, 2'000}).size(),
+              static_cast<std::size_t>(acknowledged) + 1);
 }
 
 TEST(DataDir, IsForOneServerAtATime) {
@@ -321,6 +251,48 @@ TEST(DataDir, IsForOneServerAtATime) {
         EXPECT_THROW(DataDir(directory.path() / "data"), StoreError);
     }
     EXPECT_NO_THROW(DataDir(directory.path() / "data"));
+}
+
+TEST(DataDir, MayNotLieOnANetworkFileSystem) {
+    EXPECT_TRUE(is_network_file_system(0x6969)) << "NFS";
+    EXPECT_TRUE(is_network_file_system(0xff534d42)) << "CIFS";
+    EXPECT_TRUE(is_network_file_system(0xffffffffff534d42)) << "CIFS, sign-extended";
+    EXPECT_FALSE(is_network_file_system(0xef53)) << "ext4";
+    EXPECT_FALSE(is_network_file_system(0x01021994)) << "tmpfs";
+}
+
+TEST(WorkerRoster, KnowsWhoLives) {
+    const TemporaryDirectory directory;
+    const WorkerRoster roster(directory.path());
+    {
+        const WorkerEntry entry(roster, "one");
+
+        EXPECT_TRUE(roster.is_alive("one"));
+        EXPECT_FALSE(roster.is_alive("two"));
+        roster.tidy();
+        EXPECT_EQ(roster.alive(), std::vector<std::string>{"one"});
+    }
+    EXPECT_FALSE(roster.is_alive("one"));
+    EXPECT_EQ(roster.alive(), std::vector<std::string>{});
+}
+
+TEST(WorkerRoster, KnowsThatAKilledProcessIsDead) {
+    const TemporaryDirectory directory;
+    const WorkerRoster roster(directory.path());
+    const pid_t child = fork();
+    if (child == 0) {
+        const WorkerEntry entry(roster, "child");
+        ::kill(::getpid(), SIGSTOP);
+        std::_Exit(0);
+    }
+    int status = 0;
+    ::waitpid(child, &status, WUNTRACED);
+    EXPECT_TRUE(roster.is_alive("child"));
+
+    ::kill(child, SIGKILL);
+    ::waitpid(child, &status, 0);
+
+    EXPECT_FALSE(roster.is_alive("child"));
 }
 
 TEST(Sha256, GivesTheDigestsOfTheStandard) {
@@ -371,6 +343,43 @@ TEST_F(ArtifactStoreTest, TakesBackFilesThatDidNotComeOnRecord) {
     artifacts.publish(std::move(drafts), [] {});
 
     EXPECT_FALSE(std::filesystem::exists(path_of("hello")));
+}
+
+TEST_F(ArtifactStoreTest, TakesBackFilesWhoseRecordFailed) {
+    std::vector<ArtifactDraft> drafts;
+    drafts.push_back(draft_of("hello"));
+
+    EXPECT_THROW(artifacts.publish(std::move(drafts), [] { throw StoreError("full"); }),
+                 StoreError);
+
+    EXPECT_FALSE(std::filesystem::exists(path_of("hello")));
+}
+
+TEST_F(ArtifactStoreTest, LeavesADraftAloneAsLongAsItsWriterLives) {
+    ArtifactDraft draft = draft_of("hello");
+
+    artifacts.collect_garbage(at(5));
+
+    EXPECT_TRUE(artifacts.add(std::move(draft), at(6)));
+    EXPECT_TRUE(std::filesystem::exists(path_of("hello")));
+}
+
+TEST_F(ArtifactStoreTest, KeepsNoFileThatItsTenantMayNotKeep) {
+    EXPECT_FALSE(artifacts.add(draft_of("hello"), at(1), 4));
+
+    EXPECT_FALSE(std::filesystem::exists(path_of("hello")));
+}
+
+TEST_F(ArtifactStoreTest, SaysThatTheDiskIsFull) {
+    ArtifactDraft draft = artifacts.draft("clinic");
+    const FullDisk full(1'000);
+
+    try {
+        draft.write(std::string(2'000, 'x'));
+        FAIL() << "it fitted";
+    } catch (const StoreError& error) {
+        EXPECT_EQ(error.kind(), StoreError::Kind::Full);
+    }
 }
 
 TEST_F(ArtifactStoreTest, NoticesAFileOfAnotherSize) {

@@ -1,0 +1,64 @@
+#include "core/estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace remesh {
+namespace {
+
+// A regular tet with edge h has h^3 / (6 sqrt 2); the lattice packs a little denser.
+constexpr double kTetsPerCube = 9.0;
+// A regular triangle with edge h has sqrt(3) / 4 h^2.
+constexpr double kTrianglesPerSquare = 2.31;
+
+constexpr double kSecondsPerTet = 1.0e-5;
+constexpr double kSecondsPerSurfaceTriangle = 1.0e-4;
+constexpr double kSecondsPerInputTriangle = 3.0e-5;
+
+constexpr double kBaseBytes = 32.0 * (1 << 20);
+constexpr double kBytesPerTet = 170.0;
+constexpr double kBytesPerSurfaceTriangle = 300.0;
+constexpr double kBytesPerInputTriangle = 600.0;
+// Nobody has the memory for more, and it still fits a 64-bit number of bytes.
+constexpr double kMostTets = 1.0e15;
+
+struct Extent {
+    double area = 0.0;
+    double volume = 0.0;
+};
+
+Extent extent_of(const SurfaceMesh& mesh) {
+    const Vec3 origin = bounding_box(mesh.vertices).low;
+    Extent extent;
+    for (const auto& [a, b, c] : mesh.triangles) {
+        const Vec3 p = mesh.vertices[static_cast<std::size_t>(a)] - origin;
+        const Vec3 q = mesh.vertices[static_cast<std::size_t>(b)] - origin;
+        const Vec3 r = mesh.vertices[static_cast<std::size_t>(c)] - origin;
+        extent.area += 0.5 * (q - p).cross(r - p).norm();
+        extent.volume += p.dot(q.cross(r)) / 6.0;
+    }
+    extent.volume = std::abs(extent.volume);
+    return extent;
+}
+
+}  // namespace
+
+RunEstimate estimate_run(const SurfaceMesh& input, const RemeshOptions& options) {
+    const double h = options.edge_length ? *options.edge_length : suggest_edge_length(input);
+    const Extent extent = extent_of(input);
+    const double input_triangles = static_cast<double>(input.triangles.size());
+    const double surface = kTrianglesPerSquare * extent.area / (h * h);
+    const double tets =
+        std::min(kMostTets, kTetsPerCube * extent.volume / (h * h * h) + 2.0 * surface);
+
+    RunEstimate estimate;
+    estimate.tets = static_cast<std::int64_t>(tets);
+    estimate.cpu_seconds = kSecondsPerTet * tets + kSecondsPerSurfaceTriangle * surface +
+                           kSecondsPerInputTriangle * input_triangles;
+    estimate.memory_bytes = static_cast<std::int64_t>(
+        kBaseBytes + kBytesPerTet * tets + kBytesPerSurfaceTriangle * std::min(kMostTets, surface) +
+        kBytesPerInputTriangle * input_triangles);
+    return estimate;
+}
+
+}  // namespace remesh

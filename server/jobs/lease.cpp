@@ -1,0 +1,118 @@
+#include <utility>
+
+#include "server/jobs/lease_desk.h"
+#include "server/jobs/losses.h"
+
+namespace remesh {
+namespace {
+
+// Previews of a running attempt that stay visible.
+constexpr std::size_t kPreviewsKept = 8;
+
+EventKind kind_of(const JobEventBody& event) {
+    constexpr EventKind kinds[]{EventKind::Progress, EventKind::Sample, EventKind::Warning,
+                                EventKind::Preview};
+    return kinds[event.index()];
+}
+
+}  // namespace
+
+Lease::Lease(LeaseDesk& desk, std::shared_ptr<Attempt> attempt)
+    : desk_(desk), attempt_(std::move(attempt)) {}
+
+Lease::~Lease() {
+    if (!is_settled_) {
+        desk_.lose(*attempt_);
+    }
+}
+
+void Lease::publish(const JobEventBody& event) {
+    NewEvent stored{kind_of(event), desk_.clock_(), desk_.codec_.encode_event(event)};
+    const std::scoped_lock lock(desk_.mutex_);
+    attempt_->pending.push_back(std::move(stored));
+}
+
+void Lease::publish_preview(ArtifactDraft draft, int iteration) {
+    const ArtifactId artifact = draft.finish();
+    const JobEventBody body = StoredPreview{artifact, iteration};
+    std::vector<ArtifactDraft> drafts;
+    drafts.push_back(std::move(draft));
+    desk_.artifacts_.publish(std::move(drafts), [&] {
+        desk_.flush(*attempt_,
+                    {{EventKind::Preview, desk_.clock_(), desk_.codec_.encode_event(body)}},
+                    {artifact});
+    });
+    previews_.push_back(artifact.sha256);
+    if (previews_.size() > kPreviewsKept) {
+        previews_.pop_front();
+        const std::vector<std::string> keep(previews_.begin(), previews_.end());
+        desk_.drop_previews(job().key, keep);
+    }
+}
+
+std::optional<JobState> Lease::settle(const Verdict& verdict) {
+    const auto ended = desk_.end(*attempt_, verdict);
+    is_settled_ = true;
+    return ended ? std::optional(ended->state) : std::nullopt;
+}
+
+std::optional<JobState> Lease::succeed(const JobResult& result,
+                                       std::vector<ArtifactDraft> outputs) {
+    Settlement settlement{JobState::Succeeded, desk_.codec_.encode_result(job().spec, result)};
+    for (const JobOutput& output : result.outputs) {
+        settlement.outputs.push_back(output.artifact);
+    }
+    std::optional<JobState> state;
+    desk_.artifacts_.publish(std::move(outputs), [&] {
+        state = settle([&](const Claim& claim) {
+            return desk_.store_.settle(claim, settlement, desk_.clock_());
+        });
+    });
+    if (!previews_.empty()) {
+        desk_.drop_previews(job().key, {});
+    }
+    return state;
+}
+
+std::optional<JobState> Lease::fail(const JobFailure& failure) {
+    const Settlement settlement{JobState::Failed, desk_.codec_.encode_failure(failure)};
+    const auto state = settle(
+        [&](const Claim& claim) { return desk_.store_.settle(claim, settlement, desk_.clock_()); });
+    if (!previews_.empty()) {
+        desk_.drop_previews(job().key, {});
+    }
+    return state;
+}
+
+std::optional<JobState> Lease::stopped(Stage stage) {
+    const auto reason = [&] {
+        const std::scoped_lock lock(desk_.mutex_);
+        return attempt_->stop_reason;
+    }();
+    switch (reason) {
+        case Attempt::StopReason::Timeout:
+            return fail({"TIMEOUT", "The job ran longer than its time limit.", false, stage});
+        case Attempt::StopReason::Memory:
+            return fail({"TOO_LARGE", desk_.memory_limit_passed(), false, stage});
+        case Attempt::StopReason::None:
+            return fail({"INTERNAL", "The run stopped although nobody asked it to.", true, stage});
+        case Attempt::StopReason::Cancel:
+        case Attempt::StopReason::Drain:
+        case Attempt::StopReason::Void: break;
+    }
+    const auto state =
+        settle([&](const Claim& claim) { return desk_.store_.give_back(claim, desk_.clock_()); });
+    if (!previews_.empty()) {
+        desk_.drop_previews(job().key, {});
+    }
+    return state;
+}
+
+std::optional<JobState> Lease::postpone() {
+    return settle([&](const Claim& claim) {
+        const Time now = desk_.clock_();
+        return desk_.store_.lose(claim, loss_of(job(), LossCause::Storage, desk_.codec_, now), now);
+    });
+}
+
+}  // namespace remesh

@@ -1,0 +1,190 @@
+#!/usr/bin/env python3
+"""Server and worker processes, as an operator meets them.
+
+usage: processes_test.py REMESHD REMESH
+"""
+
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+from service_processes import Server, box, children_of
+
+REMESHD, REMESH = sys.argv[1:3]
+DEADLINE = 300.0  # for slow machines; none of it takes so long
+# A second or two of work, and a tenth of that.
+LONG_JOB = ("--edge-length", "0.05", "--surface-only")
+SHORT_JOB = ("--edge-length", "0.5", "--surface-only")
+
+
+class Processes(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="remesh-processes-"))
+        self.mesh = self.folder / "box.stl"
+        self.mesh.write_bytes(box(2.0, 1.5, 1.0))
+        self.server = None
+
+    def tearDown(self):
+        if self.server and self.server.process.poll() is None:
+            self.server.process.kill()
+            self.server.process.wait()
+        if self.server:
+            self.server.log.close()
+        # Workers of a killed server may be just ending, and take files of theirs away.
+        while os.path.exists(self.folder):
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def serve(self, *flags):
+        self.server = Server(REMESHD, self.folder, "--workers", "1", "--log-level", "warn", *flags)
+
+    def client(self, *words):
+        return [REMESH, "--server", self.server.address, *words]
+
+    def submit(self, *options):
+        return subprocess.run(self.client("submit", str(self.mesh), "--format", "stl", *options),
+                              stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+    def watch(self, job):
+        return subprocess.run(self.client("watch", job), stderr=subprocess.DEVNULL,
+                              stdout=subprocess.DEVNULL, timeout=DEADLINE).returncode
+
+    def show(self, job):
+        return json.loads(subprocess.run(self.client("--json", "show", job), stdout=subprocess.PIPE,
+                                         check=True).stdout)
+
+    def wait_for_progress(self, job, attempt=1):
+        """Waits until a worker is in the midst of an attempt, by the events that a watch brings."""
+        with subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True) as watch:
+            now = 0
+            for line in watch.stdout:
+                event = json.loads(line)
+                if event.get("sequence", 0) and "snapshot" in event:
+                    now = event["snapshot"].get("attempt", 0)
+                if "sample" in event and now == attempt:
+                    break
+            watch.kill()
+
+    def kill_worker(self):
+        workers = self.server.workers()
+        self.assertEqual(len(workers), 1)
+        os.kill(workers[0], signal.SIGKILL)
+
+    def test_a_killed_worker_costs_one_attempt_and_no_connection(self):
+        self.serve()
+        job = self.submit(*LONG_JOB)
+        with subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True) as watch:
+            for line in watch.stdout:
+                if "sample" in json.loads(line):
+                    break
+            self.kill_worker()
+            events = [json.loads(line) for line in watch.stdout]
+
+        self.assertEqual(watch.returncode, 0)
+        self.assertEqual(self.show(job)["attempt"], 2)
+        self.assertIsNone(self.server.process.poll())
+        sequences = [int(event["sequence"]) for event in events if event.get("sequence")]
+        self.assertEqual(sequences, sorted(set(sequences)))
+
+    def test_a_job_that_crashes_two_workers_is_quarantined(self):
+        self.serve()
+        job = self.submit(*LONG_JOB)
+        for attempt in (1, 2):
+            self.wait_for_progress(job, attempt)
+            self.kill_worker()
+
+        self.assertEqual(self.watch(job), 4)
+        self.assertIn("QUARANTINED", self.show(job)["state"])
+        other = self.submit(*SHORT_JOB)
+        self.assertEqual(self.watch(other), 0)
+
+    def test_a_cancel_reaches_the_worker_process(self):
+        self.serve()
+        job = self.submit(*LONG_JOB)
+        self.wait_for_progress(job)
+        subprocess.run(self.client("cancel", job), check=True, stdout=subprocess.DEVNULL,
+                       stderr=subprocess.DEVNULL)
+        self.assertEqual(self.watch(job), 5)
+        shown = self.show(job)
+        self.assertIn("CANCELLED", shown["state"])
+
+    def test_sigterm_gives_a_running_job_back_and_the_next_server_finishes_it(self):
+        self.serve()
+        job = self.submit(*LONG_JOB)
+        self.wait_for_progress(job)
+        self.server.stop()
+        self.assertEqual(list((self.folder / "data" / "workers").iterdir()), [])
+        self.server.start()
+
+        self.assertEqual(self.watch(job), 0)
+        self.assertEqual(self.show(job)["attempt"], 1)
+
+    def test_a_killed_server_takes_its_workers_with_it_and_loses_no_job(self):
+        self.serve()
+        job = self.submit(*LONG_JOB)
+        self.wait_for_progress(job)
+        workers = self.server.workers()
+        self.server.kill()
+
+        self.assertEqual(self.watch(job), 0)
+        end = time.monotonic() + DEADLINE
+        while any(pathlib.Path(f"/proc/{worker}").exists() for worker in workers):
+            self.assertLess(time.monotonic(), end)
+
+    def test_workers_of_another_process_run_the_jobs_of_a_server_without(self):
+        self.server = Server(REMESHD, self.folder, "--workers", "0", "--log-level", "warn")
+        work = [REMESHD, "work", "--data-dir", self.server.data, "--threads", "1", "--log-level", "warn"]
+        first = subprocess.Popen(work)
+        job = self.submit(*LONG_JOB)
+        self.wait_for_progress(job)
+        first.kill()
+        first.wait()
+        second = subprocess.Popen(work)
+        try:
+            self.assertEqual(self.watch(job), 0)
+        finally:
+            second.terminate()
+            self.assertEqual(second.wait(DEADLINE), 0)
+        self.assertEqual(children_of(self.server.process.pid), [])
+
+    def test_a_job_that_needs_more_memory_than_it_may_fails_and_names_the_bound(self):
+        self.serve("--max-job-memory", "64")
+        job = self.submit("--edge-length", "0.004")
+
+        self.assertEqual(self.watch(job), 4)
+        failure = self.show(job)["failure"]
+        self.assertEqual(failure["reason"], "TOO_LARGE")
+        self.assertIn("64 MiB", failure["message"])
+
+    def test_a_second_server_on_the_directory_refuses(self):
+        self.serve()
+        second = subprocess.run([REMESHD, "serve", "--data-dir", self.server.data, "--listen", "127.0.0.1:0"],
+                                stderr=subprocess.PIPE, text=True, timeout=DEADLINE)
+        self.assertEqual(second.returncode, 1)
+        self.assertIn("in use by another server", second.stderr)
+        self.assertEqual(self.watch(self.submit(*SHORT_JOB)), 0)
+
+    def test_a_damaged_database_is_refused_and_left_as_it_is(self):
+        self.serve()
+        self.assertEqual(self.watch(self.submit(*SHORT_JOB)), 0)
+        self.server.stop()
+        file = self.server.data / "remesh.sqlite"
+        content = bytearray(file.read_bytes())
+        content[4096:] = bytes(len(content) - 4096)
+        file.write_bytes(content)
+
+        again = subprocess.run([REMESHD, "serve", "--data-dir", self.server.data, "--listen", "127.0.0.1:0"],
+                               stderr=subprocess.PIPE, text=True, timeout=DEADLINE)
+        self.assertEqual(again.returncode, 1)
+        self.assertIn("damaged", again.stderr)
+        self.assertEqual(file.read_bytes(), content)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], *sys.argv[3:]], verbosity=2)
