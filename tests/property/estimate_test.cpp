@@ -21,11 +21,11 @@ void expect_within_factor_two(const SurfaceMesh& input, double h) {
 }
 
 TEST(EstimateRun, IsWithinAFactorOfTwoForARoundBody) {
-    expect_within_factor_two(icosphere(3), 0.15);
+    expect_within_factor_two(testing::icosphere(3), 0.15);
 }
 
 TEST(EstimateRun, IsWithinAFactorOfTwoForABodyWithEdges) {
-    expect_within_factor_two(l_shape(), 0.2);
+    expect_within_factor_two(testing::l_shape(), 0.2);
 }
 
 TEST(EstimateRun, GrowsWithTheCubeOfTheFineness) {
@@ -33,7 +33,7 @@ TEST(EstimateRun, GrowsWithTheCubeOfTheFineness) {
     coarse.edge_length = 0.02;
     RemeshOptions fine;
     fine.edge_length = 0.01;
-    const SurfaceMesh input = unit_cube();
+    const SurfaceMesh input = testing::unit_cube();
 
     const RunEstimate few = estimate_run(input, coarse);
     const RunEstimate many = estimate_run(input, fine);
