@@ -341,29 +341,16 @@ private:
                              static_cast<Index>(EdgeTable::triangle_of(halves[1])));
             }
         }
-        std::vector<double> jump(n);
         std::vector<char> turned(n, 0);
-        for (int pass = 0; pass < kSoupPasses; ++pass) {
-            const WindingNumber winding(surface_.vertices, surface_.triangles);
-            for_each_index(n, run_, [&](std::size_t i) {
-                jump[i] = is_soup_[i] ? jump_of_others(winding, i) : 0.0;
-            });
-            std::vector<double> piece_jump(n, 0.0);
-            for (std::size_t i = 0; i < n; ++i) {
-                piece_jump[static_cast<std::size_t>(pieces.find(static_cast<Index>(i)))] += jump[i];
+        const auto agree = [&] {
+            const auto jump = [](const Sides& sides) { return sides.behind - sides.ahead; };
+            for (int pass = 0; pass < kSoupPasses && turn_pieces(pieces, turned, jump); ++pass) {
             }
-            bool any = false;
-            for (std::size_t i = 0; i < n; ++i) {
-                const auto piece = static_cast<std::size_t>(pieces.find(static_cast<Index>(i)));
-                if (is_soup_[i] && piece_jump[piece] < 0.0) {
-                    turn(i);
-                    turned[i] = !turned[i];
-                    any = true;
-                }
-            }
-            if (!any) {
-                break;
-            }
+        };
+        agree();
+        // A soup that faces inward all over agrees with itself, too: -1 inside, 0 outside.
+        if (turn_pieces(pieces, turned, [](const Sides& s) { return s.behind + s.ahead; })) {
+            agree();
         }
         for (std::size_t i = 0; i < n; ++i) {
             if (turned[i]) {
@@ -372,18 +359,52 @@ private:
         }
     }
 
-    /// Area times how much higher the winding number of all other triangles is behind this one.
-    [[nodiscard]] double jump_of_others(const WindingNumber& winding, std::size_t i) const {
+    /// Winding numbers of all other triangles on the two sides of one.
+    struct Sides {
+        double behind = 0.0;
+        double ahead = 0.0;
+    };
+
+    [[nodiscard]] Sides sides_of(const WindingNumber& winding, std::size_t i) const {
         const Vec3 area = area_vector(surface_, i);
-        const double size = area.norm();
-        const Vec3 offset = area / std::sqrt(size);
+        const Vec3 offset = area / std::sqrt(area.norm());
         const Vec3 middle = centroid(surface_, i);
         const auto others = [&](const Vec3& p) {
             return winding.at(p) - solid_angle(p, corner(surface_, i, 0), corner(surface_, i, 1),
                                                corner(surface_, i, 2)) /
                                        (4.0 * std::numbers::pi);
         };
-        return size * (others(middle - offset) - others(middle + offset));
+        return {.behind = others(middle - offset), .ahead = others(middle + offset)};
+    }
+
+    /// Turns the pieces of soup whose triangles vote below zero in sum, weighted by area.
+    /// \return whether there was any
+    template <typename Vote>
+    bool turn_pieces(DisjointSets& pieces, std::vector<char>& turned, const Vote& vote) {
+        const std::size_t n = surface_.triangles.size();
+        const WindingNumber winding(surface_.vertices, surface_.triangles);
+        std::vector<double> votes(n, 0.0);
+        for_each_index(n, run_, [&](std::size_t i) {
+            if (is_soup_[i]) {
+                votes[i] = area_vector(surface_, i).norm() * vote(sides_of(winding, i));
+            }
+        });
+        const auto piece_of = [&](std::size_t i) {
+            return static_cast<std::size_t>(pieces.find(static_cast<Index>(i)));
+        };
+        std::vector<double> sum(n, 0.0);
+        for (std::size_t i = 0; i < n; ++i) {
+            sum[piece_of(i)] += votes[i];
+        }
+        bool any = false;
+        for (std::size_t i = 0; i < n; ++i) {
+            if (is_soup_[i] && sum[piece_of(i)] < 0.0) {
+                turn(i);
+                turned[i] = !turned[i];
+                any = true;
+            }
+        }
+        return any;
     }
 
     void report_turned() {

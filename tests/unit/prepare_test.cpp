@@ -126,6 +126,18 @@ TEST(PrepareSurface, LeavesHolesOpenWhenAsked) {
     EXPECT_GT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
 }
 
+TEST(PrepareSurface, TurnsASoupThatFacesInwardAllOver) {
+    auto mesh = testing::with_noise(testing::as_soup(some_torus()), 0.005, 1);
+    for (auto& t : mesh.triangles) {
+        std::swap(t[0], t[1]);
+    }
+
+    const auto result = prepare(mesh, 0.1);
+
+    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.03 * kTorusVolume);
+    EXPECT_EQ(result.domain->region_at({1.0, 0.0, 0.0}), 1);
+}
+
 TEST(PrepareSurface, GoesOnSmoothlyAcrossWideHoles) {
     auto mesh = some_torus();
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
