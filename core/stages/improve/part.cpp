@@ -149,6 +149,7 @@ Assembled put_back(const CarveResult& whole, const std::vector<Index>& anchor, c
         const Index local = index(v);
         if (v < part.origin.size()) {
             all.mesh.vertices[at(id[v])] = part.mesh.point(local);
+            all.kind[at(id[v])] = part.mesh.kind(local);
             all.anchor[at(id[v])] = part.mesh.anchor(local);
         } else {
             id.push_back(index(all.mesh.vertices.size()));
