@@ -1,6 +1,7 @@
 #include "core/pipeline.h"
 
 #include <sys/resource.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -127,14 +128,21 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
                           const RunContext& run) {
     QualityReport report;
     report.edge_length = result.edge_length;
-    report.before = measure_surface(prepared.cleaned);
-    report.after = measure_surface(result.surface);
-    if (!result.tets.tets.empty()) {
-        report.tets = measure_tets(result.tets);
-        report.worst = worst_tets(result.tets);
-    }
-    report.output_to_input = measure_deviation(result.surface, prepared.cleaned, run);
-    report.input_to_output = measure_deviation(prepared.cleaned, result.surface, run);
+    tbb::parallel_invoke(
+        [&] { report.before = measure_surface(prepared.cleaned); },
+        [&] { report.after = measure_surface(result.surface); },
+        [&] {
+            if (!result.tets.tets.empty()) {
+                report.tets = measure_tets(result.tets);
+            }
+        },
+        [&] {
+            if (!result.tets.tets.empty()) {
+                report.worst = worst_tets(result.tets);
+            }
+        },
+        [&] { report.output_to_input = measure_deviation(result.surface, prepared.cleaned, run); },
+        [&] { report.input_to_output = measure_deviation(prepared.cleaned, result.surface, run); });
     report.volume_change = relative_change(prepared.facts.volume, report.after.volume);
     report.area_change = relative_change(report.before.area, report.after.area);
     report.input = std::move(prepared.facts);
@@ -206,8 +214,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     }
 
     clock.enter(Stage::Verify);
-    require_valid(improved.mesh, run);
-    result.surface = boundary_surface(improved.mesh);
+    tbb::parallel_invoke([&] { require_valid(improved.mesh, run); },
+                         [&] { result.surface = boundary_surface(improved.mesh); });
     if (options.tetrahedra) {
         result.tets = std::move(improved.mesh);
     }
