@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/mesh/preview.h"
 #include "core/mesh/quality.h"
+#include "core/parallel.h"
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/verify.h"
 
@@ -92,6 +93,13 @@ std::vector<WorstElement> worst_tets(const TetMesh& mesh) {
     return worst;
 }
 
+std::vector<double> sizes_at(const Points& points, const SizingField& sizing,
+                             const RunContext& run) {
+    std::vector<double> sizes(points.size());
+    for_each_index(points.size(), run, [&](std::size_t i) { sizes[i] = sizing.h(points[i]); });
+    return sizes;
+}
+
 double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
@@ -117,7 +125,8 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
 
 }  // namespace
 
-RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run) {
+RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run,
+                          const std::vector<double>& sizes) {
     validate(options);
     StageClock clock(run);
     RemeshResult result;
@@ -135,7 +144,8 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
     const FeatureSet features = find_features(prepared, h, options.features, run);
 
     clock.enter(Stage::Sizing);
-    const auto sizing = build_sizing_field(domain, features, h, options.sizing, run);
+    const auto sizing =
+        build_sizing_field(domain, features, h, options.sizing, run, {&input, sizes});
 
     clock.enter(Stage::Seed);
     Particles particles = seed_surface(domain, features, *sizing, options.seed, run);
@@ -153,6 +163,14 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
 
     clock.enter(Stage::Tetrahedralize);
     auto delaunay = tetrahedralize(particles.position, run);
+    for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
+        clock.enter(Stage::Relax);
+        auto populated = control_population(particles, delaunay, domain, *sizing, run);
+        particles =
+            relax_volume(populated.particles, domain, *sizing, options.relax, run).particles;
+        clock.enter(Stage::Tetrahedralize);
+        delaunay = tetrahedralize(particles.position, run);
+    }
 
     clock.enter(Stage::Carve);
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
@@ -174,6 +192,10 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
                     "no valid mesh was found at this edge length: " + faults.summary());
     }
     result.surface = boundary_surface(improved.mesh);
+    if (options.sizing.return_field) {
+        result.surface_sizes = sizes_at(result.surface.vertices, *sizing, run);
+        result.tet_sizes = sizes_at(improved.mesh.vertices, *sizing, run);
+    }
     if (options.tetrahedra) {
         result.tets = std::move(improved.mesh);
     }
@@ -196,6 +218,7 @@ void validate(const RemeshOptions& options) {
     validate(options.sizing, options.edge_length);
     validate(options.seed);
     validate(options.relax);
+    validate(options.population);
     validate(options.carve);
     validate(options.improve);
 }
