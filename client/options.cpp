@@ -130,6 +130,9 @@ void add_relaxation_options(CLI::App& command, v1::Options& options) {
                             [&](std::int32_t x) { relaxation.set_max_surface_iterations(x); });
     add_value<std::int32_t>(command, "--max-volume-iterations", "N", "Bound in the volume",
                             [&](std::int32_t x) { relaxation.set_max_volume_iterations(x); });
+    add_value<std::int32_t>(command, "--population-passes", "N",
+                            "Passes that insert and remove particles where sizes vary",
+                            [&](std::int32_t x) { relaxation.set_population_passes(x); });
     add_value<double>(command, "--tolerance", "X", "Converged below this rms step over h",
                       [&](double x) { relaxation.set_tolerance(x); });
 }

@@ -122,6 +122,9 @@ RemeshOptions to_core(const v1::Options& from) {
     read(from.relaxation(), to.relax);
     to.seed.preload =
         from.relaxation().has_preload() ? from.relaxation().preload() : to.seed.preload;
+    to.population.passes = from.relaxation().has_population_passes()
+                               ? from.relaxation().population_passes()
+                               : to.population.passes;
     read(from.improvement(), to.improve);
     return to;
 }
@@ -154,6 +157,7 @@ v1::Options to_proto(const RemeshOptions& from) {
     relaxation->set_max_surface_iterations(from.relax.max_surface_iterations);
     relaxation->set_max_volume_iterations(from.relax.max_volume_iterations);
     relaxation->set_tolerance(from.relax.tolerance);
+    relaxation->set_population_passes(from.population.passes);
     auto* improvement = to.mutable_improvement();
     improvement->set_mode(to_proto(from.improve.mode));
     improvement->set_passes(from.improve.passes);
@@ -167,6 +171,9 @@ std::string proto_field(const std::string& field) {
     const std::string options = "spec.options.";
     if (field == "seed.seed") {
         return options + "seed";
+    }
+    if (field == "population.passes") {
+        return options + "relaxation.population_passes";
     }
     if (field == "seed.preload") {
         return options + "relaxation.preload";

@@ -71,7 +71,7 @@ ReadResult read_input(const JobRequest& request, std::string_view input) {
     const std::string hint = request.input_format
                                  ? std::string(format_extension(*request.input_format))
                                  : request.file_name;
-    return read_surface(input, hint);
+    return read_surface(input, hint, {}, request.options.sizing.vertex_field);
 }
 
 void require_memory(const RunEstimate& estimate, std::optional<std::int64_t> max_bytes) {
@@ -95,7 +95,9 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     collect(problems, [&] { validate(options.prepare); });
     collect(problems, [&] { validate(options.features); });
     collect(problems, [&] { validate(options.seed); });
+    collect(problems, [&] { validate(options.sizing, options.edge_length); });
     collect(problems, [&] { validate(options.relax); });
+    collect(problems, [&] { validate(options.population); });
     collect(problems, [&] { validate(options.carve); });
     collect(problems, [&] { validate(options.improve); });
     for (std::size_t i = 0; i < request.outputs.size(); ++i) {
@@ -116,7 +118,7 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     for (std::string& warning : read.warnings) {
         run.warn({"INPUT_FILE", std::move(warning), std::nullopt});
     }
-    RemeshResult mesh = run_pipeline(read.mesh, request.options, run);
+    RemeshResult mesh = run_pipeline(read.mesh, request.options, run, read.sizes);
 
     run.enter(Stage::Write);
     JobResult result;
@@ -126,8 +128,8 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     for (const OutputRequest& wanted : request.outputs) {
         const bool is_tets = wants_tets(wanted, request.options);
         const ArtifactId artifact = outputs.add([&](std::ostream& out) {
-            is_tets ? write_tets(mesh.tets, wanted.format, out)
-                    : write_surface(mesh.surface, wanted.format, out);
+            is_tets ? write_tets(mesh.tets, wanted.format, out, mesh.tet_sizes)
+                    : write_surface(mesh.surface, wanted.format, out, mesh.surface_sizes);
         });
         result.outputs.push_back({is_tets ? OutputKind::Tetrahedra : OutputKind::Surface,
                                   wanted.format, artifact,
