@@ -90,10 +90,16 @@ std::optional<JobState> Lease::succeed(const JobResult& result,
     return job ? std::optional(job->state) : std::nullopt;
 }
 
-std::optional<JobState> Lease::fail(const JobFailure& failure) {
-    const Settlement settlement{JobState::Failed, registry_.codec_.encode_failure(failure)};
-    const auto job = registry_.end(*attempt_, [&](const Claim& claim) {
-        return registry_.store_.settle(claim, settlement, registry_.clock_());
+std::optional<JobState> Lease::fail(const JobFailure& failure, std::vector<ArtifactDraft> outputs) {
+    Settlement settlement{JobState::Failed, registry_.codec_.encode_failure(failure)};
+    for (const JobOutput& output : failure.outputs) {
+        settlement.outputs.push_back(output.artifact);
+    }
+    std::optional<JobRecord> job;
+    registry_.artifacts_.publish(std::move(outputs), [&] {
+        job = registry_.end(*attempt_, [&](const Claim& claim) {
+            return registry_.store_.settle(claim, settlement, registry_.clock_());
+        });
     });
     is_settled_ = true;
     if (!previews_.empty()) {

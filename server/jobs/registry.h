@@ -76,7 +76,8 @@ public:
     // the lease was void.
 
     std::optional<JobState> succeed(const JobResult& result, std::vector<ArtifactDraft> outputs);
-    std::optional<JobState> fail(const JobFailure& failure);
+    std::optional<JobState> fail(const JobFailure& failure,
+                                 std::vector<ArtifactDraft> outputs = {});
     /// The run stopped because it was asked to: cancelled, timed out or given back.
     std::optional<JobState> stopped(Stage stage);
 

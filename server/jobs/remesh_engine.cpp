@@ -80,6 +80,7 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     collect(problems, [&] { validate(options.relax); });
     collect(problems, [&] { validate(options.carve); });
     collect(problems, [&] { validate(options.improve); });
+    collect(problems, [&] { validate(options.bounds, options.tetrahedra); });
     for (std::size_t i = 0; i < request.outputs.size(); ++i) {
         check_output(problems, request.outputs[i], options, i);
     }
@@ -102,6 +103,12 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     JobResult result;
     result.options = request.options;
     result.options.edge_length = mesh.edge_length;
+    result.broken_bounds = broken_bounds(mesh.report.bounds);
+    if (!result.broken_bounds.empty()) {
+        const auto report = outputs.add([&](std::ostream& out) { out << to_json(mesh.report); });
+        result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
+        return result;
+    }
     const std::string stem = stem_of(request.file_name);
     for (const OutputRequest& wanted : request.outputs) {
         const bool is_tets = wants_tets(wanted, request.options);

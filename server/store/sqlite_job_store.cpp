@@ -387,7 +387,7 @@ std::optional<JobRecord> SqliteJobStore::settle(const Claim& claim, const Settle
         job->outcome = settlement.outcome;
     }
     enter(writer_, *job, is_cancelled ? JobState::Cancelled : settlement.state, now);
-    if (job->state == JobState::Succeeded) {
+    if (!is_cancelled) {
         for (const ArtifactId& output : settlement.outputs) {
             insert_artifact(writer_, claim.key.tenant, output, now);
             refer(writer_, *job, "output", output.sha256);
