@@ -79,6 +79,8 @@ public:
     [[nodiscard]] std::int64_t surface_particles() const {
         return static_cast<std::int64_t>(particles_.size());
     }
+    void save(StateWriter& to) const { to.put(arc_); }
+    void restore(StateReader& from) { from.get_as_many(arc_); }
 
 private:
     [[nodiscard]] const CurveTrack& track(Index i) const {
@@ -127,6 +129,8 @@ public:
     [[nodiscard]] std::int64_t surface_particles() const {
         return static_cast<std::int64_t>(particles_.size());
     }
+    void save(StateWriter& to) const { to.put(slid_); }
+    void restore(StateReader& from) { from.get_as_many(slid_); }
 
 private:
     Particles& particles_;
@@ -173,6 +177,14 @@ public:
     }
     [[nodiscard]] bool are_neighbours(Index, Index) const { return true; }
     [[nodiscard]] std::int64_t surface_particles() const { return surface_particles_; }
+    void save(StateWriter& to) const {
+        to.put(clearance_);
+        to.put(facet_);
+    }
+    void restore(StateReader& from) {
+        from.get_as_many(clearance_);
+        from.get_as_many(facet_);
+    }
 
 private:
     Particles& particles_;

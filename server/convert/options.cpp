@@ -107,6 +107,30 @@ void read(const v1::Improvement& from, ImproveOptions& to) {
     to.passes = from.has_passes() ? from.passes() : to.passes;
 }
 
+void read(const v1::Bounds& from, BoundOptions& to) {
+    if (from.has_min_dihedral()) {
+        to.min_dihedral = from.min_dihedral();
+    }
+    if (from.has_max_deviation()) {
+        to.max_deviation = from.max_deviation();
+    }
+    if (from.has_max_volume_change()) {
+        to.max_volume_change = from.max_volume_change();
+    }
+}
+
+void write(const BoundOptions& from, v1::Bounds& to) {
+    if (from.min_dihedral) {
+        to.set_min_dihedral(*from.min_dihedral);
+    }
+    if (from.max_deviation) {
+        to.set_max_deviation(*from.max_deviation);
+    }
+    if (from.max_volume_change) {
+        to.set_max_volume_change(*from.max_volume_change);
+    }
+}
+
 }  // namespace
 
 RemeshOptions to_core(const v1::Options& from) {
@@ -126,6 +150,10 @@ RemeshOptions to_core(const v1::Options& from) {
                                ? from.relaxation().population_passes()
                                : to.population.passes;
     read(from.improvement(), to.improve);
+    read(from.bounds(), to.bounds);
+    if (from.has_max_tets()) {
+        to.max_tets = from.max_tets();
+    }
     return to;
 }
 
@@ -161,6 +189,10 @@ v1::Options to_proto(const RemeshOptions& from) {
     auto* improvement = to.mutable_improvement();
     improvement->set_mode(to_proto(from.improve.mode));
     improvement->set_passes(from.improve.passes);
+    write(from.bounds, *to.mutable_bounds());
+    if (from.max_tets) {
+        to.set_max_tets(*from.max_tets);
+    }
     return to;
 }
 

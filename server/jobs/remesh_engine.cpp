@@ -100,6 +100,7 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     collect(problems, [&] { validate(options.population); });
     collect(problems, [&] { validate(options.carve); });
     collect(problems, [&] { validate(options.improve); });
+    collect(problems, [&] { validate(options.bounds, options.tetrahedra); });
     for (std::size_t i = 0; i < request.outputs.size(); ++i) {
         check_output(problems, request.outputs[i], options, i);
     }
@@ -124,6 +125,7 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     JobResult result;
     result.options = request.options;
     result.options.edge_length = mesh.edge_length;
+    result.broken_bounds = broken_bounds(mesh.report.bounds);
     const std::string stem = stem_of(request.file_name);
     for (const OutputRequest& wanted : request.outputs) {
         const bool is_tets = wants_tets(wanted, request.options);
