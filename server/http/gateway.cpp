@@ -123,6 +123,12 @@ void Gateway::add_session_routes(httplib::Server& server) {
                     set_token_cookie(token, rules_, response);
                     response.status = 204;
                 });
+    // Whether there is anything to sign out of; the cookie itself can't be seen by scripts.
+    server.Get("/api/v1/session", [](const httplib::Request& request, httplib::Response& response) {
+        const nlohmann::json session{{"signed_in", !token_of(request).empty()}};
+        response.set_header("Cache-Control", "no-store");
+        send(response, session.dump(), "application/json");
+    });
     server.Delete("/api/v1/session", [this](const httplib::Request&, httplib::Response& response) {
         set_token_cookie("", rules_, response);
         response.status = 204;
@@ -179,6 +185,16 @@ void Gateway::add_job_routes(httplib::Server& server) {
                     cancel.set_name(request.matches[1]);
                     v1::Job reply;
                     answer(response, jobs_->CancelJob(call.context(), cancel, &reply), reply);
+                });
+    server.Post(job + ":retry",
+                [this](const httplib::Request& request, httplib::Response& response) {
+                    v1::RetryJobRequest retry;
+                    if (request.body.empty() || parse(request, response, &retry)) {
+                        retry.set_name(request.matches[1]);
+                        Call call(calls_, token_of(request));
+                        v1::Job reply;
+                        answer(response, jobs_->RetryJob(call.context(), retry, &reply), reply);
+                    }
                 });
     server.Delete(job, [this](const httplib::Request& request, httplib::Response& response) {
         Call call(calls_, token_of(request));
