@@ -226,6 +226,7 @@ void Gateway::upload(const httplib::Request& request, httplib::Response& respons
     Call call(calls_, token_of(request));
     v1::UploadArtifactResponse reply;
     const auto stream = artifacts_->UploadArtifact(call.context(), &reply);
+    call.set_begun();
     v1::UploadArtifactRequest chunk;
     chunk.mutable_digest()->set_sha256(request.matches[1]);
     chunk.mutable_digest()->set_size_bytes(size);
@@ -293,15 +294,19 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
     }
     response.set_content_provider(
         size, type, [open](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-            const auto download =
-                open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
-            v1::DownloadArtifactResponse chunk;
-            while (download->read(&chunk)) {
-                if (!sink.write(chunk.data().data(), chunk.data().size())) {
-                    return false;
+            try {
+                const auto download =
+                    open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
+                v1::DownloadArtifactResponse chunk;
+                while (download->read(&chunk)) {
+                    if (!sink.write(chunk.data().data(), chunk.data().size())) {
+                        return false;
+                    }
                 }
+                return download->finish().ok();
+            } catch (const ShuttingDown&) {
+                return false;  // The headers are out: all that is left is to hang up.
             }
-            return download->finish().ok();
         });
 }
 

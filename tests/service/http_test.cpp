@@ -243,6 +243,25 @@ TEST_F(HttpTest, EndsItsStreamsWhenItEnds) {
     server_.reset();
 }
 
+TEST_F(HttpTest, CallsNothingOnceItsApiIsClosed) {
+    const json job = create("a surface");
+    const std::string digest = job.at("spec").at("input").at("digest").at("sha256");
+    const std::string name = job.at("name");
+
+    http_->close_api();
+
+    for (const std::string& path : {std::string("/api/v1/jobs"), std::string("/api/v1/events"),
+                                    "/api/v1/" + name + "/events", "/api/v1/artifacts/" + digest}) {
+        const auto reply = client_->Get(path);
+        EXPECT_EQ(reply->status, 503) << path;
+        EXPECT_EQ(json::parse(reply->body).at("error").at("reason"), "SHUTTING_DOWN") << path;
+        EXPECT_EQ(reply->get_header_value("Retry-After"), "5") << path;
+    }
+    EXPECT_EQ(client_->Put("/api/v1/artifacts/" + digest, kOwn, "a surface", "text/plain")->status,
+              503);
+    EXPECT_EQ(client_->Get("/healthz")->status, 200);
+}
+
 /// An API that takes one token only.
 class GuardedJobs final : public v1::JobService::Service {
     grpc::Status ListJobs(grpc::ServerContext* context, const v1::ListJobsRequest*,
