@@ -20,7 +20,7 @@ constexpr double kMargin = 0.03;  // Around the body, over its height.
 constexpr int kMaxWidthOverHeight = 2;
 // Edges are drawn where triangles are at least this large on average, pixels.
 constexpr double kLeastEdge = 5.0;
-constexpr double kEdgeShade = 0.5;
+constexpr double kEdgeShade = 0.66;
 
 using Colour = Eigen::Vector3f;
 
