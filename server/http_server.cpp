@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "server/http/call.h"
 #include "server/http/gateway.h"
 #include "server/http/pages.h"
 #include "server/http/respond.h"
@@ -58,8 +59,15 @@ HttpServer::HttpServer(const HttpOptions& options, Sources sources)
     });
     // What went wrong inside may quote data: it goes nowhere.
     server_->set_exception_handler(
-        [](const httplib::Request&, httplib::Response& response, const std::exception_ptr&) {
-            http::refuse(response, 500, "INTERNAL", "The server failed; this is a defect.");
+        [](const httplib::Request&, httplib::Response& response, const std::exception_ptr& thrown) {
+            try {
+                std::rethrow_exception(thrown);
+            } catch (const http::ShuttingDown&) {
+                response.set_header("Retry-After", "5");
+                http::refuse(response, 503, "SHUTTING_DOWN", "The server is shutting down.");
+            } catch (...) {
+                http::refuse(response, 500, "INTERNAL", "The server failed; this is a defect.");
+            }
         });
     add_probes();
     gateway_->add_routes(*server_);
@@ -72,8 +80,12 @@ HttpServer::HttpServer(const HttpOptions& options, Sources sources)
     }
 }
 
-HttpServer::~HttpServer() {
+void HttpServer::close_api() {
     gateway_->close();
+}
+
+HttpServer::~HttpServer() {
+    close_api();
     server_->stop();
 }
 

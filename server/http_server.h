@@ -32,7 +32,8 @@ struct HttpOptions {
 class HttpServer {
 public:
     struct Sources {
-        std::shared_ptr<grpc::Channel> api{};  ///< Where calls go, with the caller's own token.
+        /// Where calls go, with the caller's own token. What answers them outlives close_api().
+        std::shared_ptr<grpc::Channel> api{};
         std::function<bool()> is_ready{};
         std::function<std::string()> metrics{};  ///< In Prometheus' text format.
         /// Whether a token, or none, lets its bearer see the metrics, which are of all tenants.
@@ -45,6 +46,10 @@ public:
     HttpServer(const HttpServer&) = delete;
     HttpServer& operator=(const HttpServer&) = delete;
     ~HttpServer();
+
+    /// Ends event streams and answers calls with 503 from now on; probes and pages go on. Has to
+    /// come before the API itself ends.
+    void close_api();
 
     [[nodiscard]] int port() const { return port_; }
 

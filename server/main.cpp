@@ -194,6 +194,9 @@ int serve(ServeFlags flags) {
                  flags.work.workers.threads);
 
     spdlog::info("event=stopping signal={}", remesh::wait_for_signal());
+    if (http) {
+        http->close_api();
+    }
     const bool is_idle = server.shut_down(kShutdownGrace);
     spdlog::info("event=stopped");
     if (!is_idle) {

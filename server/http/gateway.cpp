@@ -123,6 +123,12 @@ void Gateway::add_session_routes(httplib::Server& server) {
                     set_token_cookie(token, rules_, response);
                     response.status = 204;
                 });
+    // Whether there is anything to sign out of; the cookie itself can't be seen by scripts.
+    server.Get("/api/v1/session", [](const httplib::Request& request, httplib::Response& response) {
+        const nlohmann::json session{{"signed_in", !token_of(request).empty()}};
+        response.set_header("Cache-Control", "no-store");
+        send(response, session.dump(), "application/json");
+    });
     server.Delete("/api/v1/session", [this](const httplib::Request&, httplib::Response& response) {
         set_token_cookie("", rules_, response);
         response.status = 204;
@@ -180,6 +186,16 @@ void Gateway::add_job_routes(httplib::Server& server) {
                     v1::Job reply;
                     answer(response, jobs_->CancelJob(call.context(), cancel, &reply), reply);
                 });
+    server.Post(job + ":retry",
+                [this](const httplib::Request& request, httplib::Response& response) {
+                    v1::RetryJobRequest retry;
+                    if (request.body.empty() || parse(request, response, &retry)) {
+                        retry.set_name(request.matches[1]);
+                        Call call(calls_, token_of(request));
+                        v1::Job reply;
+                        answer(response, jobs_->RetryJob(call.context(), retry, &reply), reply);
+                    }
+                });
     server.Delete(job, [this](const httplib::Request& request, httplib::Response& response) {
         Call call(calls_, token_of(request));
         v1::DeleteJobRequest remove;
@@ -210,6 +226,7 @@ void Gateway::upload(const httplib::Request& request, httplib::Response& respons
     Call call(calls_, token_of(request));
     v1::UploadArtifactResponse reply;
     const auto stream = artifacts_->UploadArtifact(call.context(), &reply);
+    call.set_begun();
     v1::UploadArtifactRequest chunk;
     chunk.mutable_digest()->set_sha256(request.matches[1]);
     chunk.mutable_digest()->set_size_bytes(size);
@@ -277,15 +294,19 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
     }
     response.set_content_provider(
         size, type, [open](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-            const auto download =
-                open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
-            v1::DownloadArtifactResponse chunk;
-            while (download->read(&chunk)) {
-                if (!sink.write(chunk.data().data(), chunk.data().size())) {
-                    return false;
+            try {
+                const auto download =
+                    open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
+                v1::DownloadArtifactResponse chunk;
+                while (download->read(&chunk)) {
+                    if (!sink.write(chunk.data().data(), chunk.data().size())) {
+                        return false;
+                    }
                 }
+                return download->finish().ok();
+            } catch (const ShuttingDown&) {
+                return false;  // The headers are out: all that is left is to hang up.
             }
-            return download->finish().ok();
         });
 }
 

@@ -94,12 +94,16 @@ void QueueFeed::run(const std::stop_token& stop) {
 }
 
 QueueFeed::Page QueueFeed::fetch(const std::string& token) {
-    Call call(calls_, token);
     v1::ListJobsRequest request;
     request.set_page_size(kPageSize);
     v1::ListJobsResponse reply;
     Page page;
-    page.status = jobs_.ListJobs(call.context(), request, &reply);
+    try {
+        Call call(calls_, token);
+        page.status = jobs_.ListJobs(call.context(), request, &reply);
+    } catch (const ShuttingDown& closed) {
+        page.status = grpc::Status(grpc::StatusCode::UNAVAILABLE, closed.what());
+    }
     for (v1::Job& job : *reply.mutable_jobs()) {
         shorten(job);
     }

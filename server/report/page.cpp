@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <functional>
 #include <ostream>
 
@@ -43,6 +44,17 @@ std::string picture(const Facets& facets, const View& view, std::string_view cap
         escaped(caption), base64(draw_png(facets, view, kPictureHeight)));
 }
 
+/// The result in two sentences.
+void write_verdict(const QualityReport& report, std::ostream& out) {
+    out << "<p class=\"verdict\">"
+        << (report.tets ? count(report.tets->tets) + " tetrahedra"
+                        : count(report.after.triangles) + " triangles")
+        << " with edges of about " << number(report.edge_length)
+        << ", in the unit of the input. Checked exactly: closed, manifold, free of "
+           "self-intersections"
+        << (report.tets ? ", no inverted tetrahedron" : "") << ".</p>";
+}
+
 void write_pictures(const PageContent& content, std::ostream& out) {
     const Facets before = facets_of(content.input);
     const View view = upright_view(before);
@@ -60,10 +72,16 @@ void write_pictures(const PageContent& content, std::ostream& out) {
            "pictures are seen from the same side, the longest axis upright.</p>";
 }
 
+/// What a histogram shows. Radius ratios go to 1, angles beyond.
+std::string shown(const Summary& summary, double value) {
+    return summary.histogram.high <= 1.0 ? ratio(value) : number(value) + "°";
+}
+
 std::string labelled(const std::string& svg, std::string_view label, const Summary& summary) {
     return fmt::format("<div>{}<p><b>{}</b> mean {} · worst 1 % {} · worst {} · {}</p></div>", svg,
-                       label, number(summary.mean), number(summary.first_percentile),
-                       number(summary.min), count(summary.count));
+                       label, shown(summary, summary.mean),
+                       shown(summary, summary.first_percentile), shown(summary, summary.min),
+                       count(summary.count));
 }
 
 void write_pair(std::string_view title, std::string_view unit, const Summary& before,
@@ -79,17 +97,20 @@ void write_single(std::string_view title, std::string_view unit, const Summary& 
                   std::ostream& out) {
     out << fmt::format(
         "<figure><h3>{} <small>{}</small></h3><div class=\"pair\">{}</div></figure>", title, unit,
-        labelled(histogram_svg(summary, tallest_bin(summary), "after", kWhole), "result", summary));
+        labelled(histogram_svg(summary, tallest_bin(summary), "after", kWhole), "after", summary));
 }
 
 void write_histograms(const QualityReport& report, std::ostream& out) {
-    out << "<h2>Quality before and after</h2><section class=\"grid\">";
-    write_pair("Triangles: radius ratio", "0 degenerate, 1 regular", report.before.radius_ratio,
-               report.after.radius_ratio, out);
-    write_pair("Triangles: smallest angle", "degrees, 60 is regular", report.before.min_angle,
-               report.after.min_angle, out);
+    out << "<h2>Quality before and after</h2><p class=\"hint\">Bars are shares of all elements, "
+           "the "
+           "dotted line is their mean.</p><section class=\"grid\">";
+    write_pair("Triangles: radius ratio", "inscribed over circumscribed circle, 1 is equilateral",
+               report.before.radius_ratio, report.after.radius_ratio, out);
+    write_pair("Triangles: smallest angle", "degrees, 60 is the best there is",
+               report.before.min_angle, report.after.min_angle, out);
     if (report.tets) {
-        write_single("Tetrahedra: radius ratio", "0 flat, 1 regular", report.tets->radius_ratio,
+        write_single("Tetrahedra: radius ratio",
+                     "inscribed over circumscribed sphere, 1 is regular", report.tets->radius_ratio,
                      out);
         write_single("Tetrahedra: smallest and largest dihedral angle", "degrees, 70.5 is regular",
                      report.tets->dihedral, out);
@@ -106,7 +127,7 @@ struct Line {
 };
 
 void write_chart(std::string_view title, std::string_view unit, const std::vector<Line>& lines,
-                 bool is_log, std::span<const ConvergenceSample> samples, std::ostream& out) {
+                 Scale scale, std::span<const ConvergenceSample> samples, std::ostream& out) {
     std::vector<Curve> curves;
     std::string legend;
     for (const Line& line : lines) {
@@ -118,30 +139,30 @@ void write_chart(std::string_view title, std::string_view unit, const std::vecto
         legend += fmt::format("<span class=\"{}\"><i></i>{}</span>", line.style, line.label);
     }
     out << fmt::format("<figure><h3>{} <small>{}</small></h3><p class=\"legend\">{}</p>{}</figure>",
-                       title, unit, legend, curves_svg(samples, curves, is_log));
+                       title, unit, legend, curves_svg(samples, curves, scale));
 }
 
 void write_convergence(std::span<const ConvergenceSample> samples, std::ostream& out) {
     using Sample = ConvergenceSample;
     out << "<h2>Convergence</h2><section class=\"grid\">";
-    write_chart("Residual and displacement", "relative to h, logarithmic",
+    write_chart("Forces and steps", "what pulls at particles, how far they move; in edge lengths",
                 {{"residual force", "first", [](const Sample& s) { return s.residual_force; }},
                  {"largest step", "second", [](const Sample& s) { return s.max_displacement; }},
                  {"rms step", "third", [](const Sample& s) { return s.rms_displacement; }}},
-                true, samples, out);
-    write_chart("Energy", "per particle, logarithmic",
+                Scale::Logarithmic, samples, out);
+    write_chart("Energy", "stored in springs and in motion, mean of a particle",
                 {{"potential", "first", [](const Sample& s) { return s.potential_energy; }},
                  {"kinetic", "second", [](const Sample& s) { return s.kinetic_energy; }}},
-                true, samples, out);
+                Scale::Logarithmic, samples, out);
     const auto counted = [](std::int64_t value) {
         return value > 0 ? std::optional(static_cast<double>(value)) : std::nullopt;
     };
-    write_chart("Particles", "count",
+    write_chart("Particles", "points that become vertices",
                 {{"all", "first", [=](const Sample& s) { return counted(s.particles); }},
                  {"on the surface", "second",
                   [=](const Sample& s) { return counted(s.surface_particles); }}},
-                false, samples, out);
-    write_chart("Mesh quality", "radius ratio",
+                Scale::Linear, samples, out);
+    write_chart("Mesh quality", "radius ratio of tetrahedra, after each pass",
                 {{"mean", "first",
                   [](const Sample& s) {
                       return s.quality ? std::optional(s.quality->mean) : std::nullopt;
@@ -150,8 +171,16 @@ void write_convergence(std::span<const ConvergenceSample> samples, std::ostream&
                   [](const Sample& s) {
                       return s.quality ? std::optional(s.quality->first_percentile) : std::nullopt;
                   }}},
-                false, samples, out);
+                Scale::Quality, samples, out);
     out << "</section>";
+}
+
+/// "OPEN_BOUNDARY" as "open boundary".
+std::string in_words(std::string code) {
+    std::transform(code.begin(), code.end(), code.begin(), [](char c) {
+        return c == '_' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    });
+    return code;
 }
 
 void write_defects(const QualityReport& report, std::ostream& out) {
@@ -168,13 +197,13 @@ void write_defects(const QualityReport& report, std::ostream& out) {
                                                  number(defect.at->y()), number(defect.at->z()))
                                    : "";
         out << fmt::format("<tr><td>{}</td><td class=\"right\">{}</td><td>{}</td><td>{}</td></tr>",
-                           escaped(defect.code), count(defect.count), escaped(defect.description),
-                           at);
+                           escaped(in_words(defect.code)), count(defect.count),
+                           escaped(defect.description), at);
     }
     out << "</tbody></table>";
 }
 
-void write_row(std::string_view name, const std::string& before, const std::string& after,
+void write_row(const std::string& name, const std::string& before, const std::string& after,
                std::string_view bound, std::ostream& out) {
     out << fmt::format(
         "<tr><th>{}</th><td class=\"right\">{}</td><td class=\"right\">{}</td>"
@@ -182,19 +211,25 @@ void write_row(std::string_view name, const std::string& before, const std::stri
         name, before, after, bound);
 }
 
-void write_surface_rows(const SurfaceQuality& before, const SurfaceQuality& after,
-                        std::ostream& out) {
+void write_surface_rows(const QualityReport& report, std::ostream& out) {
+    const SurfaceQuality& before = report.before;
+    const SurfaceQuality& after = report.after;
+    // What an open surface encloses is a matter of taste.
+    const bool is_open =
+        std::any_of(report.defects.begin(), report.defects.end(),
+                    [](const Defect& defect) { return defect.code == "OPEN_BOUNDARY"; });
     write_row("Triangles", count(before.triangles), count(after.triangles), "", out);
     write_row("Vertices", count(before.vertices), count(after.vertices), "", out);
     write_row("Parts", count(before.components), count(after.components), "", out);
     write_row("Euler characteristic", count(before.euler_characteristic),
               count(after.euler_characteristic), "even: closed, checked exactly", out);
     write_row("Area", number(before.area), number(after.area), "", out);
-    write_row("Enclosed volume", number(before.volume), number(after.volume), "", out);
-    write_row("Radius ratio of triangles, mean", number(before.radius_ratio.mean),
-              number(after.radius_ratio.mean), "at most 1", out);
-    write_row("Radius ratio of triangles, worst", number(before.radius_ratio.min),
-              number(after.radius_ratio.min), "above 0", out);
+    write_row("Enclosed volume", is_open ? "open" : number(before.volume), number(after.volume), "",
+              out);
+    write_row("Radius ratio of triangles, mean", ratio(before.radius_ratio.mean),
+              ratio(after.radius_ratio.mean), "at most 1", out);
+    write_row("Radius ratio of triangles, worst", ratio(before.radius_ratio.min),
+              ratio(after.radius_ratio.min), "above 0", out);
     write_row("Angle of triangles, smallest, degrees", number(before.min_angle.min),
               number(after.min_angle.min), "at most 60", out);
     write_row("Edge length, mean", number(before.edge_length.mean), number(after.edge_length.mean),
@@ -207,16 +242,16 @@ void write_measures(const QualityReport& report, std::ostream& out) {
            "<th>Measure</th><th class=\"right\">Before</th><th class=\"right\">After</th>"
            "<th>Bound</th></tr></thead><tbody>";
     write_row("Edge length h, asked for or chosen", "", number(report.edge_length), "", out);
-    write_surface_rows(report.before, report.after, out);
+    write_surface_rows(report, out);
     if (report.tets) {
         const TetQuality& tets = *report.tets;
         write_row("Tetrahedra", "", count(tets.tets), "none inverted, checked exactly", out);
         write_row("Volume of the tetrahedra", "", number(tets.volume), "the enclosed volume", out);
-        write_row("Radius ratio of tetrahedra, mean", "", number(tets.radius_ratio.mean),
+        write_row("Radius ratio of tetrahedra, mean", "", ratio(tets.radius_ratio.mean),
                   "at most 1", out);
         write_row("Radius ratio of tetrahedra, worst 1 %", "",
-                  number(tets.radius_ratio.first_percentile), "", out);
-        write_row("Radius ratio of tetrahedra, worst", "", number(tets.radius_ratio.min), "above 0",
+                  ratio(tets.radius_ratio.first_percentile), "", out);
+        write_row("Radius ratio of tetrahedra, worst", "", ratio(tets.radius_ratio.min), "above 0",
                   out);
         write_row("Dihedral angle, smallest, degrees", "", number(tets.min_dihedral),
                   "at most 70.5", out);
@@ -226,14 +261,23 @@ void write_measures(const QualityReport& report, std::ostream& out) {
     write_row("Change of volume", "", fmt::format("{:+.2f} %", 100.0 * report.volume_change), "",
               out);
     write_row("Change of area", "", fmt::format("{:+.2f} %", 100.0 * report.area_change), "", out);
-    const auto distance = [](const Deviation& deviation) {
-        return number(deviation.rms) + " / " + number(deviation.p99) + " / " +
-               number(deviation.max);
+    const auto distances = [&](const std::string& name, const Deviation& deviation) {
+        const auto row = [&](const char* which, double value) {
+            write_row(name + ", " + which, "",
+                      fmt::format("{} ({:.2f} h)", number(value), value / report.edge_length), "",
+                      out);
+        };
+        row("root mean square", deviation.rms);
+        row("99 % are nearer", deviation.p99);
+        row("largest", deviation.max);
     };
-    write_row("Distance from result to input: rms / 99 % / largest", "",
-              distance(report.output_to_input), "", out);
-    write_row("Distance from input to result: rms / 99 % / largest", "",
-              distance(report.input_to_output), "", out);
+    distances("Distance from result to input", report.output_to_input);
+    distances("Distance from input to result", report.input_to_output);
+    for (const BoundCheck& check : report.bounds) {
+        write_row("Asked for: " + in_words(check.name), "", number(check.value),
+                  fmt::format("{}, {}", number(check.bound), check.holds ? "kept" : "not kept"),
+                  out);
+    }
     out << "</tbody></table>";
 }
 
@@ -281,10 +325,11 @@ void write_page(const PageContent& content, std::ostream& out) {
         << name << ", remeshed</title><style>" << kStyle << "</style></head><body><main><h1>"
         << name << "</h1><p class=\"hint\">Quality report by remesh " << content.engine_version
         << "</p>";
+    write_verdict(content.result.report, out);
     write_pictures(content, out);
+    write_defects(content.result.report, out);
     write_histograms(content.result.report, out);
     write_measures(content.result.report, out);
-    write_defects(content.result.report, out);
     write_convergence(content.samples, out);
     write_costs(content.result.report, out);
     write_provenance(content, out);

@@ -20,7 +20,7 @@ constexpr double kMargin = 0.03;  // Around the body, over its height.
 constexpr int kMaxWidthOverHeight = 2;
 // Edges are drawn where triangles are at least this large on average, pixels.
 constexpr double kLeastEdge = 5.0;
-constexpr double kEdgeShade = 0.5;
+constexpr double kEdgeShade = 0.66;
 
 using Colour = Eigen::Vector3f;
 
@@ -32,8 +32,8 @@ Colour colour_of(double quality) {
     static const std::array<Stop, 5> stops{{{0.0, {165, 0, 38}},
                                             {0.4, {244, 109, 67}},
                                             {0.7, {254, 224, 144}},
-                                            {0.9, {116, 173, 209}},
-                                            {1.0, {49, 84, 149}}}};
+                                            {0.88, {171, 214, 230}},
+                                            {1.0, {88, 146, 196}}}};
     const double value = std::clamp(quality, 0.0, 1.0);
     std::size_t i = 1;
     while (i + 1 < stops.size() && stops[i].at < value) {

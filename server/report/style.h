@@ -31,7 +31,10 @@ svg{display:block;width:100%;overflow:visible}
 svg text{fill:var(--muted);font-size:10px}
 rect.before{fill:var(--before)}
 rect.after{fill:var(--first)}
-.axis,.grid line,line.grid{stroke:var(--line);stroke-width:1}
+.mean{stroke:var(--text);stroke-width:1;stroke-dasharray:2 3}
+.verdict{margin-top:8px;font-size:1.05rem}
+h3 small{display:block}
+.axis,.grid line.grid,line.grid{stroke:var(--line);stroke-width:1}
 polyline{fill:none;stroke-width:1.6}
 polyline.first{stroke:var(--first)}
 polyline.second{stroke:var(--second)}
@@ -42,7 +45,7 @@ polyline.third{stroke:var(--third)}
 .legend .second i{background:var(--second)}
 .legend .third i{background:var(--third)}
 .scale{display:flex;align-items:center;gap:10px;font-size:.88rem;color:var(--muted)}
-.scale i{width:180px;height:9px;border-radius:5px;background:linear-gradient(to right,#a50026,#f46d43 40%,#fee090 70%,#74add1 90%,#315495)}
+.scale i{width:180px;height:9px;border-radius:5px;background:linear-gradient(to right,#a50026,#f46d43 40%,#fee090 70%,#abd6e6 88%,#5892c4)}
 table{width:100%;border-collapse:collapse;border:1px solid var(--line);border-radius:10px;background:var(--card)}
 th,td{padding:7px 16px;text-align:left;vertical-align:top;border-top:1px solid var(--line);font-weight:400;overflow-wrap:anywhere}
 thead th{color:var(--muted);font-size:.88rem}

@@ -21,6 +21,11 @@ export class TestServer {
     process = null;
     log = '';
 
+    /** \param options  further flags of `remeshd serve` */
+    constructor(...options) {
+        this.options = options;
+    }
+
     /** Fixed ports: a page that was open finds the server again. */
     async start() {
         this.http ??= await freePort();
@@ -30,7 +35,7 @@ export class TestServer {
         this.process = spawn(
             REMESHD,
             ['serve', '--data-dir', join(this.directory, 'data'), '--listen', `127.0.0.1:${this.grpc}`,
-             '--http', `127.0.0.1:${this.http}`, '--port-file', ready, '--threads', '1'],
+             '--http', `127.0.0.1:${this.http}`, '--port-file', ready, '--threads', '1', ...this.options],
             { stdio: ['ignore', 'ignore', 'pipe'] },
         );
         this.process.stderr.on('data', (text) => (this.log += text));
@@ -46,10 +51,19 @@ export class TestServer {
 
     async stop() {
         if (this.process && this.process.exitCode === null) {
-            const ended = new Promise((resolve) => this.process.once('exit', resolve));
+            const ended = new Promise((resolve) => this.process.once('exit', (code, signal) => resolve(signal ?? code)));
             this.process.kill('SIGTERM');
-            await ended;
+            const end = await ended;
+            if (end !== 0) {
+                throw new Error(`the server ended with ${end}:\n${this.log}`);
+            }
         }
+    }
+
+    /** A token for a tenant, as its operator makes it. */
+    async token(...options) {
+        const { stdout } = await promisify(execFile)(REMESHD, ['admin', 'token', 'create', '--data-dir', join(this.directory, 'data'), ...options]);
+        return stdout.trim().split('\n').at(-1);
     }
 
     async remove() {
@@ -63,7 +77,13 @@ export class TestServer {
 
     /** Submits by the command line. \return the job's path on the dashboard */
     async submit(file, ...options) {
-        const { stdout } = await promisify(execFile)(REMESH, ['--server', `127.0.0.1:${this.grpc}`, 'submit', file, ...options]);
+        return this.submitAs('', file, ...options);
+    }
+
+    /** The same with a token. */
+    async submitAs(token, file, ...options) {
+        const env = { ...process.env, ...(token ? { REMESH_TOKEN: token } : {}) };
+        const { stdout } = await promisify(execFile)(REMESH, ['--server', `127.0.0.1:${this.grpc}`, 'submit', file, ...options], { env });
         const [, tenant, , id] = stdout.trim().split('/');
         return `/jobs/${tenant}/${id}`;
     }

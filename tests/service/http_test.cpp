@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "server/http_server.h"
 #include "server/store/digest.h"
 #include "tests/support/scripted_engine.h"
@@ -146,6 +148,41 @@ TEST_F(HttpTest, SaysWhatIsWrongAsTheApiDoes) {
     EXPECT_EQ(broken->status, 400);
 }
 
+TEST_F(HttpTest, RetriesAJobThatFailedAsANewOne) {
+    std::atomic<bool> is_broken = true;
+    const ScriptedEngine failing([&](const JobRequest& request, std::string_view input,
+                                     RunContext& run, OutputSink& outputs) {
+        if (is_broken) {
+            throw remesh::Error(ErrorCode::Unmeshable, "not this time");
+        }
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    });
+    start(failing);
+    const std::string name = create("a surface").at("name");
+    server_->wait_for(name, v1::Job::STATE_FAILED);
+    is_broken = false;
+
+    const auto retry = [&](const std::string& body) {
+        return client_->Post("/api/v1/" + name + ":retry", kOwn, body, "application/json");
+    };
+    const auto first = retry(R"({"request_id": "once"})");
+    const auto again = retry(R"({"request_id": "once"})");
+    const auto other = retry("");
+
+    ASSERT_EQ(first->status, 200) << first->body;
+    const json job = json::parse(first->body);
+    EXPECT_NE(job.at("name"), name);
+    EXPECT_EQ(job.at("origin"), name);
+    EXPECT_EQ(json::parse(again->body).at("name"), job.at("name"));
+    EXPECT_NE(json::parse(other->body).at("name"), job.at("name"));
+    server_->wait_for(job.at("name"), v1::Job::STATE_SUCCEEDED);
+    const auto refused = client_->Post("/api/v1/" + job.at("name").get<std::string>() + ":retry",
+                                       kOwn, "", "application/json");
+    EXPECT_EQ(refused->status, 400);
+    EXPECT_EQ(json::parse(refused->body).at("error").at("reason"), "JOB_NOT_RETRYABLE");
+    server_.reset();
+}
+
 TEST_F(HttpTest, KeepsOtherSitesOut) {
     const auto form = client_->Post("/api/v1/jobs", "{}", "application/json");
     const auto rebound = client_->Get("/", {{"Host", "evil.example"}});
@@ -204,6 +241,25 @@ TEST_F(HttpTest, EndsItsStreamsWhenItEnds) {
     gate.open();
     server_->wait_for(name, v1::Job::STATE_SUCCEEDED);
     server_.reset();
+}
+
+TEST_F(HttpTest, CallsNothingOnceItsApiIsClosed) {
+    const json job = create("a surface");
+    const std::string digest = job.at("spec").at("input").at("digest").at("sha256");
+    const std::string name = job.at("name");
+
+    http_->close_api();
+
+    for (const std::string& path : {std::string("/api/v1/jobs"), std::string("/api/v1/events"),
+                                    "/api/v1/" + name + "/events", "/api/v1/artifacts/" + digest}) {
+        const auto reply = client_->Get(path);
+        EXPECT_EQ(reply->status, 503) << path;
+        EXPECT_EQ(json::parse(reply->body).at("error").at("reason"), "SHUTTING_DOWN") << path;
+        EXPECT_EQ(reply->get_header_value("Retry-After"), "5") << path;
+    }
+    EXPECT_EQ(client_->Put("/api/v1/artifacts/" + digest, kOwn, "a surface", "text/plain")->status,
+              503);
+    EXPECT_EQ(client_->Get("/healthz")->status, 200);
 }
 
 /// An API that takes one token only.
@@ -269,6 +325,15 @@ TEST_F(SignInTest, KeepsATokenInACookieThatScriptsCannotRead) {
     EXPECT_EQ(cookie, "remesh_token=sesame; Path=/; HttpOnly; SameSite=Strict");
     EXPECT_EQ(client_->Get("/api/v1/jobs", {{"Cookie", "a=b; remesh_token=sesame"}})->status, 200);
     EXPECT_EQ(client_->Get("/api/v1/jobs", {{"Cookie", "xremesh_token=sesame"}})->status, 401);
+}
+
+TEST_F(SignInTest, SaysWhetherThereIsASessionToEnd) {
+    const auto without = client_->Get("/api/v1/session");
+    const auto with = client_->Get("/api/v1/session", {{"Cookie", "remesh_token=sesame"}});
+
+    EXPECT_EQ(json::parse(without->body).at("signed_in"), false);
+    EXPECT_EQ(json::parse(with->body).at("signed_in"), true);
+    EXPECT_EQ(with->body.find("sesame"), std::string::npos);
 }
 
 TEST_F(SignInTest, TakesNoTokenThatBreaksOutOfItsCookie) {

@@ -92,6 +92,9 @@ export interface Job {
     attempt?: number;
     max_attempts?: number;
     queue_position?: number;
+    estimated_start_time?: string;
+    /** The job that this one repeats. */
+    origin?: string;
     progress?: Progress;
     create_time: string;
     start_time?: string;
@@ -209,8 +212,10 @@ export const api = {
     job: (name: string) => call<Job>('GET', name),
     create: (request: object) => call<Job>('POST', 'jobs', request),
     cancel: (name: string) => call<Job>('POST', `${name}:cancel`),
+    retry: (name: string, requestId: string) => call<Job>('POST', `${name}:retry`, { request_id: requestId }),
     remove: (name: string) => call<void>('DELETE', name),
     signIn: (token: string) => call<void>('POST', 'session', { token }),
+    session: () => call<{ signed_in: boolean }>('GET', 'session'),
     signOut: () => call<void>('DELETE', 'session'),
 };
 

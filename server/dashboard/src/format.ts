@@ -10,10 +10,29 @@ export function number(value: number | undefined, digits = 3): string {
         return '–';
     }
     const size = Math.abs(value);
-    if (size !== 0 && (size < 1e-3 || size >= 1e6)) {
-        return value.toExponential(digits - 1);
+    if (size !== 0 && (size < 1e-3 || size >= 1e7)) {
+        const [mantissa, power] = value.toExponential(digits - 1).split('e');
+        return `${mantissa} × 10${superscript(Number(power))}`;
     }
-    return value.toLocaleString('en-US', { maximumSignificantDigits: Math.max(digits, size >= 1000 ? 6 : 0) });
+    return value.toLocaleString('en-US', size >= 1000 ? { maximumFractionDigits: 0 } : { maximumSignificantDigits: digits });
+}
+
+/** A measure in [0, 1], its digits always as many: columns of them line up. */
+export function ratio(value: number | undefined): string {
+    if (value === undefined || !Number.isFinite(value)) {
+        return '–';
+    }
+    return value !== 0 && Math.abs(value) < 5e-4 ? '< 0.001' : value.toFixed(3);
+}
+
+/** "-3" as "⁻³". */
+export function superscript(value: number): string {
+    return Array.from(String(value), (c) => (c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[Number(c)])).join('');
+}
+
+/** As the first word of a sentence. */
+export function sentence(text: string): string {
+    return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
 export function percent(value: number | undefined, digits = 1): string {
@@ -35,6 +54,9 @@ export function duration(seconds: number): string {
     if (!Number.isFinite(seconds) || seconds < 0) {
         return '–';
     }
+    if (seconds < 0.095) {
+        return `${Math.round(100 * seconds) * 10} ms`;
+    }
     if (seconds < 10) {
         return `${seconds.toFixed(1)} s`;
     }
@@ -46,6 +68,23 @@ export function duration(seconds: number): string {
         return `${minutes} min ${Math.round(seconds % 60)} s`;
     }
     return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+/** A guess, no more exact than guesses are. */
+export function roughly(seconds: number): string {
+    if (!Number.isFinite(seconds)) {
+        return '–';
+    }
+    if (seconds < 8) {
+        return 'a few seconds';
+    }
+    if (seconds < 55) {
+        return `about ${10 * Math.max(1, Math.round(seconds / 10))} s`;
+    }
+    if (seconds < 3300) {
+        return `about ${Math.round(seconds / 60)} min`;
+    }
+    return `about ${(seconds / 3600).toFixed(1)} h`;
 }
 
 export function ago(time: string, now: number): string {
@@ -62,7 +101,14 @@ export function ago(time: string, now: number): string {
     if (seconds < 86_400) {
         return `${Math.round(seconds / 3600)} h ago`;
     }
-    return new Date(time).toLocaleDateString();
+    return moment(time).slice(0, 10);
+}
+
+/** "2026-03-01 14:05:09", local, for people of all countries. */
+export function moment(time: string): string {
+    const at = new Date(time);
+    const two = (value: number) => String(value).padStart(2, '0');
+    return `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())} ${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}`;
 }
 
 /** "STATE_SUCCEEDED" as "succeeded". */

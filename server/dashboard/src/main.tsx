@@ -7,20 +7,31 @@ import { QueuePage } from './pages/queue';
 import { SignInPage } from './pages/sign_in';
 import { SubmitPage } from './pages/submit';
 import { Shell } from './parts/shell';
-import { onNavigate, path } from './router';
+import { navigate, onNavigate, path } from './router';
 import './style.css';
 import { apply } from './theme';
 
 function App() {
     const [at, setAt] = useState(path());
     const [isSignedOut, setSignedOut] = useState(false);
+    const [hasSession, setSession] = useState(false);
     const [capabilities, setCapabilities] = useState<Capabilities | null>(null);
 
     useEffect(() => onNavigate(() => setAt(path())), []);
     useEffect(() => setSignedOutListener(() => setSignedOut(true)), []);
     useEffect(() => {
         api.capabilities().then(setCapabilities, () => {});
+        api.session().then(
+            (session) => setSession(session.signed_in),
+            () => {},
+        );
     }, [isSignedOut]);
+    const signOut = async () => {
+        await api.signOut();
+        setSession(false);
+        setSignedOut(true);
+        navigate('/sign-in');
+    };
 
     if (isSignedOut || at === '/sign-in') {
         return (
@@ -31,7 +42,7 @@ function App() {
     }
     const job = /^\/jobs\/([a-z0-9-]+)\/([a-z0-9-]+)$/.exec(at);
     return (
-        <Shell at={at} capabilities={capabilities}>
+        <Shell at={at} capabilities={capabilities} onSignOut={hasSession ? () => void signOut() : undefined}>
             {job ? (
                 <JobPage key={at} name={`tenants/${job[1]}/jobs/${job[2]}`} />
             ) : at === '/new' ? (

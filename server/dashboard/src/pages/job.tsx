@@ -2,7 +2,7 @@ import { useEffect, useReducer, useRef, useState } from 'preact/hooks';
 
 import { api, artifactUrl, pageUrl, signedOut, terminalStates, type Job, type Output } from '../api';
 import { follow, type Link } from '../follow';
-import { bytes, duration, fileName, percent, word } from '../format';
+import { bytes, duration, fileName, percent, roughly, sentence, word } from '../format';
 import { JobModel } from '../job_model';
 import { MainCurves, MoreCurves } from '../parts/curves';
 import { Defects, Warnings } from '../parts/defects';
@@ -12,7 +12,7 @@ import { StageRail } from '../parts/stage_rail';
 import { Bar, LinkState, State } from '../parts/state';
 import { ViewPanel } from '../parts/view_panel';
 import { jobPath, navigate } from '../router';
-import { Labels, useNow } from './queue';
+import { Labels, startsIn, useNow } from './queue';
 import { randomId } from './submit';
 
 export function JobPage(props: { name: string }) {
@@ -40,24 +40,24 @@ export function JobPage(props: { name: string }) {
         <>
             <Heading job={job} link={link} />
             <Now model={model} job={job} />
-            {job.failure && (
-                <div class="notice problem" role="alert">
-                    <strong>{word(job.failure.reason)}</strong>
-                    {job.failure.stage && ` while in stage ${word(job.failure.stage)}`}
-                    <p>{job.failure.message}</p>
-                </div>
-            )}
+            {job.failure && <Failure failure={job.failure} />}
             <Warnings warnings={model.warnings} told={job.result?.quality?.defects ?? []} />
-            <div class="live">
+            {terminalStates.has(job.state) && model.samples.length === 0 ? (
                 <ViewPanel model={model} job={job} />
-                <MainCurves samples={model.samples} skipped={model.skipped} />
-            </div>
-            <MoreCurves samples={model.samples} />
+            ) : (
+                <>
+                    <div class="live">
+                        <ViewPanel model={model} job={job} />
+                        <MainCurves samples={model.samples} skipped={model.skipped} />
+                    </div>
+                    <MoreCurves samples={model.samples} />
+                </>
+            )}
             {job.result?.quality && (
                 <>
                     <Histograms quality={job.result.quality} />
                     <Defects quality={job.result.quality} />
-                    <Measures quality={job.result.quality} />
+                    <Measures quality={job.result.quality} unit={job.spec.input.frame?.unit} />
                 </>
             )}
             <Made job={job} />
@@ -78,8 +78,12 @@ function Heading(props: { job: Job; link: Link }) {
             setProblem(error instanceof Error ? error.message : String(error));
         }
     };
+    const isSuccess = job.state === 'STATE_SUCCEEDED';
     const runAgain = async () => {
-        const copy = await api.create({ spec: (await api.job(job.name)).spec, request_id: randomId() });
+        const { spec } = await api.job(job.name);
+        const copy = isSuccess
+            ? await api.create({ spec: { ...spec, skip_cache: true }, request_id: randomId() })
+            : await api.retry(job.name, randomId());
         navigate(jobPath(copy.name));
     };
     const remove = async () => {
@@ -113,7 +117,7 @@ function Heading(props: { job: Job; link: Link }) {
                             Cancel
                         </button>
                     )}
-                    {isOver && <button onClick={() => act(runAgain)}>Run again</button>}
+                    {isOver && <button onClick={() => act(runAgain)}>{isSuccess ? 'Run again' : 'Retry'}</button>}
                     {isOver && (
                         <button class="danger" onClick={() => act(remove)}>
                             Delete
@@ -128,6 +132,35 @@ function Heading(props: { job: Job; link: Link }) {
             )}
             <Downloads outputs={(job.result ?? job.failure)?.outputs ?? []} />
         </>
+    );
+}
+
+/** What helps, by reason; docs/troubleshooting.md says more. */
+const advice: Record<string, string> = {
+    INVALID_INPUT: 'The file is damaged or an option doesn’t suit it. Export the surface again and compare the sizes.',
+    UNSUPPORTED: 'Save the surface as STL, PLY, OBJ, OFF, VTP, legacy VTK or GIfTI.',
+    UNMESHABLE: 'Is it one closed body, whatever its holes? If so, try a smaller edge length.',
+    TOO_LARGE: 'Ask for a larger edge length, or whoever runs the server for more memory.',
+    TIMEOUT: 'Ask for a larger edge length or a longer time.',
+    STORAGE: 'The server’s disk is full or failing: whoever runs it can tell. Retry then.',
+    WORKER_LOST: 'It crashed or ran out of memory more than once. Keep the input and report it.',
+    INTERNAL: 'This is a defect of remesh. Keep the input and report it.',
+};
+
+function Failure(props: { failure: NonNullable<Job['failure']> }) {
+    const { failure } = props;
+    const help = advice[failure.reason ?? ''];
+    return (
+        <div class="notice problem" role="alert">
+            <strong>{sentence(failure.message || word(failure.reason))}</strong>
+            <p>
+                {help && `${help} `}
+                <small class="muted">
+                    {failure.reason}
+                    {failure.stage && failure.stage !== 'STAGE_UNSPECIFIED' && ` in stage ${word(failure.stage)}`}
+                </small>
+            </p>
+        </div>
     );
 }
 
@@ -179,15 +212,16 @@ function Now(props: { model: JobModel; job: Job }) {
         <section class="card now" aria-label="Progress">
             {job.state === 'STATE_QUEUED' ? (
                 <p>
-                    Waits for a worker. {job.queue_position ? `${job.queue_position} ahead of it.` : 'It is next.'}
+                    Waits for a worker. {job.queue_position ? `${job.queue_position} ahead of it` : 'It is next'}
+                    {startsIn(job, now) && `, starts in ${startsIn(job, now)}`}.
                 </p>
             ) : (
                 <>
                     <div class="now-line">
-                        <strong>{isOver ? word(job.state) : percent(fraction, 0)}</strong>
+                        <strong>{isOver ? sentence(word(job.state)) : percent(fraction, 0)}</strong>
                         <span class="muted">
-                            {duration(seconds)}
-                            {!isOver && Number.isFinite(left) && `, about ${duration(left)} left`}
+                            {isOver ? `${job.state === 'STATE_SUCCEEDED' ? 'in' : 'after'} ${duration(seconds)}` : duration(seconds)}
+                            {!isOver && Number.isFinite(left) && `, ${roughly(left)} left`}
                             {(job.attempt ?? 0) > 1 && ` · attempt ${job.attempt} of ${job.max_attempts}`}
                         </span>
                     </div>

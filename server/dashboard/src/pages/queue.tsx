@@ -2,7 +2,7 @@ import { useEffect, useMemo, useState } from 'preact/hooks';
 
 import { signedOut, terminalStates, type Capabilities, type Job } from '../api';
 import { follow, type Link } from '../follow';
-import { ago, count, duration, fileName, number, percent, word } from '../format';
+import { ago, count, duration, fileName, moment, percent, ratio, roughly, sentence, word } from '../format';
 import { stageName } from '../job_model';
 import { Bar, LinkState, State } from '../parts/state';
 import { jobPath, navigate } from '../router';
@@ -76,7 +76,7 @@ export function QueuePage(props: { capabilities: Capabilities | null }) {
                             </thead>
                             <tbody>
                                 {shown.map((job) => (
-                                    <Row key={job.name} job={job} now={now} figures={figures} />
+                                    <Row key={job.name} job={job} now={now} />
                                 ))}
                             </tbody>
                         </table>
@@ -89,7 +89,7 @@ export function QueuePage(props: { capabilities: Capabilities | null }) {
     );
 }
 
-function Row(props: { job: Job; now: number; figures: Figures }) {
+function Row(props: { job: Job; now: number }) {
     const { job, now } = props;
     const quality = job.result?.quality;
     const elements = quality?.tets?.tets ?? quality?.after?.triangles;
@@ -111,10 +111,10 @@ function Row(props: { job: Job; now: number; figures: Figures }) {
             <td data-label="State">
                 <State state={job.state} />
             </td>
-            <td data-label="Progress" class="progress">
-                <Standing job={job} figures={props.figures} />
+            <td data-label="Progress" class={job.state === 'STATE_SUCCEEDED' || job.state === 'STATE_CANCELLED' ? 'progress none' : 'progress'}>
+                <Standing job={job} now={now} />
             </td>
-            <td data-label="Elements" class="right">
+            <td data-label="Elements" class={elements ? 'right' : 'right none'}>
                 {elements ? (
                     <>
                         {count(elements)} <small>{quality?.tets ? 'tets' : 'triangles'}</small>
@@ -123,14 +123,14 @@ function Row(props: { job: Job; now: number; figures: Figures }) {
                     '–'
                 )}
             </td>
-            <td data-label="Quality" class="right" title="Mean radius ratio: 1 is regular">
-                {measure ? number(measure.mean) : '–'}
+            <td data-label="Quality" class={measure ? 'right' : 'right none'} title="Mean radius ratio: 1 is regular">
+                {measure ? ratio(measure.mean) : '–'}
             </td>
-            <td data-label="Time" class="right">
+            <td data-label="Time" class={job.start_time ? 'right' : 'right none'}>
                 {job.start_time ? duration(((isOver ? Date.parse(job.end_time ?? '') : now) - Date.parse(job.start_time)) / 1000) : '–'}
             </td>
             <td data-label="Created" class="right">
-                <time dateTime={job.create_time} title={new Date(job.create_time).toLocaleString()}>
+                <time dateTime={job.create_time} title={moment(job.create_time)}>
                     {ago(job.create_time, now)}
                 </time>
             </td>
@@ -155,15 +155,15 @@ export function Labels(props: { labels?: Record<string, string> }) {
 }
 
 /** How far a job is, in a line. */
-function Standing(props: { job: Job; figures: Figures }) {
-    const { job, figures } = props;
+function Standing(props: { job: Job; now: number }) {
+    const { job } = props;
     if (job.state === 'STATE_QUEUED') {
         const ahead = job.queue_position ?? 0;
-        const wait = figures.meanSeconds === null ? null : ((ahead + 1) * figures.meanSeconds) / figures.workers;
+        const wait = startsIn(job, props.now);
         return (
             <span class="muted">
                 {ahead === 0 ? 'Next' : `${ahead} ahead`}
-                {wait !== null && `, starts in about ${duration(wait)}`}
+                {wait && `, starts in ${wait}`}
             </span>
         );
     }
@@ -179,9 +179,14 @@ function Standing(props: { job: Job; figures: Figures }) {
         );
     }
     if (job.failure) {
-        return <span class="muted clip">{job.failure.message || word(job.failure.reason)}</span>;
+        return <span class="muted clip">{sentence(job.failure.message || word(job.failure.reason))}</span>;
     }
-    return <span class="muted">{job.state === 'STATE_SUCCEEDED' ? 'Done' : ''}</span>;
+    return <span class="muted">{job.state === 'STATE_SUCCEEDED' ? 'Done' : 'Stopped by request'}</span>;
+}
+
+/** How long until it starts, as the server guesses from the last jobs; empty while it doesn't know. */
+export function startsIn(job: Job, now: number): string {
+    return job.estimated_start_time ? roughly(Math.max(0, (Date.parse(job.estimated_start_time) - now) / 1000)) : '';
 }
 
 interface Figures {

@@ -87,33 +87,62 @@ export function SubmitPage(props: { capabilities: Capabilities | null }) {
             <div class="heading">
                 <h1 tabIndex={-1}>New job</h1>
             </div>
-            <form class="submit" onSubmit={submit}>
-                <div class="card">
-                    <FilePicker capabilities={props.capabilities} onFiles={addFiles} />
-                    {items.length > 0 && (
-                        <ul class="files">
-                            {items.map((item) => (
-                                <FileRow
-                                    key={item.file.name + item.file.lastModified}
-                                    item={item}
-                                    onRemove={() => setItems((old) => old.filter((other) => other !== item))}
-                                />
-                            ))}
-                        </ul>
-                    )}
-                </div>
-                <Options form={form} change={change} capabilities={props.capabilities} />
-                {problem && <Problem error={problem} />}
-                <div class="actions">
-                    <button class="primary" disabled={!isReady || isBusy}>
-                        {isBusy ? 'Sending…' : items.length > 1 ? `Remesh ${items.length} surfaces` : 'Remesh'}
-                    </button>
-                    <p class="hint">
-                        Never put patient data into labels: file names and labels are shown to everyone of your tenant.
-                    </p>
-                </div>
-            </form>
+            <div class="submit-page">
+                <form class="submit" onSubmit={submit}>
+                    <div class="card">
+                        <FilePicker capabilities={props.capabilities} onFiles={addFiles} />
+                        {items.length > 0 && (
+                            <ul class="files">
+                                {items.map((item) => (
+                                    <FileRow
+                                        key={item.file.name + item.file.lastModified}
+                                        item={item}
+                                        onRemove={() => setItems((old) => old.filter((other) => other !== item))}
+                                    />
+                                ))}
+                            </ul>
+                        )}
+                    </div>
+                    <Options form={form} change={change} capabilities={props.capabilities} />
+                    {problem && <Problem error={problem} />}
+                    <div class="actions">
+                        <button class="primary" disabled={!isReady || isBusy}>
+                            {isBusy ? 'Sending…' : items.length > 1 ? `Remesh ${items.length} surfaces` : 'Remesh'}
+                        </button>
+                        <p class="hint">
+                            Never put patient data into labels: file names and labels are shown to everyone of your tenant.
+                        </p>
+                    </div>
+                </form>
+                <Journey />
+            </div>
         </>
+    );
+}
+
+const steps = [
+    ['Repaired', 'Duplicates, flipped and crossing triangles, loose specks and holes are dealt with, and every repair is reported.'],
+    ['Smoothed', 'Stairs of voxels and noise are evened out, by no more than about half an edge length.'],
+    ['Relaxed', 'Particles spread evenly over the surface and inside it, pushed apart by springs, until nothing moves.'],
+    ['Meshed', 'A Delaunay tetrahedralization connects them; flips and small moves improve its worst elements.'],
+    ['Checked', 'Closed, manifold, free of self-intersections, no inverted tetrahedron: exactly, or the job fails and says why.'],
+] as const;
+
+/** For who is here for the first time. */
+function Journey() {
+    return (
+        <aside class="journey" aria-labelledby="journey-title">
+            <h2 id="journey-title">What becomes of a surface</h2>
+            <ol>
+                {steps.map(([name, text]) => (
+                    <li key={name}>
+                        <strong>{name}</strong>
+                        <p>{text}</p>
+                    </li>
+                ))}
+            </ol>
+            <p class="hint">The defaults suit most anatomy. An empty edge length is chosen from the surface, and said.</p>
+        </aside>
     );
 }
 
@@ -138,7 +167,7 @@ function FilePicker(props: { capabilities: Capabilities | null; onFiles: (files:
             <strong>Drop surfaces here, or choose files</strong>
             <span>
                 {readable.length > 0
-                    ? readable.map((format) => format.extension.slice(1).toUpperCase()).join(', ')
+                    ? readable.map((format) => word(format.format).toUpperCase().replace('GIFTI', 'GIfTI')).join(', ')
                     : 'STL, PLY, OBJ, OFF, VTP, VTK'}
                 {', gzipped or not'}
                 {props.capabilities?.max_artifact_bytes && ` · at most ${bytes(props.capabilities.max_artifact_bytes)}`}
@@ -195,7 +224,7 @@ function Options(props: { form: Form; change: (part: Partial<Form>) => void; cap
                 </div>
             </fieldset>
             <label>
-                Edge length
+                Edge length, in the unit of the file
                 <input
                     type="number"
                     min="0"
@@ -232,7 +261,7 @@ function Options(props: { form: Form; change: (part: Partial<Form>) => void; cap
                                 }
                             />
                             <span>
-                                {word(format.format).toUpperCase()}{' '}
+                                {formatName(format.format)}{' '}
                                 <small>
                                     {form.tetrahedra && format.can_write_tetrahedra ? 'tetrahedra' : 'surface'}
                                 </small>
@@ -284,6 +313,11 @@ function Options(props: { form: Form; change: (part: Partial<Form>) => void; cap
             </details>
         </div>
     );
+}
+
+/** "FORMAT_MSH41" as people write it. */
+function formatName(format: string): string {
+    return word(format).toUpperCase().replace(/(\d)(\d)$/, ' $1.$2').replace('MEDIT', 'Medit');
 }
 
 function Problem(props: { error: Error }) {

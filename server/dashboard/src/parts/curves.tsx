@@ -3,8 +3,9 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 
 import type { Sample } from '../api';
-import { count, number } from '../format';
+import { count, number, ratio, superscript } from '../format';
 import { stageName } from '../job_model';
+import { phasesOf, type Phase } from '../phases';
 import { colour, onThemeChange } from '../theme';
 
 interface Line {
@@ -15,9 +16,10 @@ interface Line {
 
 interface Plot {
     title: string;
-    unit: string;
+    /** A sentence for who sees such a curve for the first time. */
+    meaning: string;
     isLog: boolean;
-    range?: [number, number];
+    isQuality?: boolean;
     /** What to say before there is anything. */
     empty?: string;
     lines: Line[];
@@ -28,8 +30,8 @@ const positive = (value: number | undefined) => (value && value > 0 ? value : nu
 
 const plots: Plot[] = [
     {
-        title: 'Residual and displacement',
-        unit: 'relative to h',
+        title: 'Forces and steps',
+        meaning: 'What still pulls at the particles, and how far they move in an iteration; in edge lengths h.',
         isLog: true,
         lines: [
             { label: 'residual force', ink: 'ink-1', of: (s) => positive(s.residual_force) },
@@ -39,7 +41,7 @@ const plots: Plot[] = [
     },
     {
         title: 'Energy',
-        unit: 'per particle',
+        meaning: 'Stored in the springs between particles, and in their motion; mean of a particle.',
         isLog: true,
         lines: [
             { label: 'potential', ink: 'ink-1', of: (s) => positive(s.potential_energy) },
@@ -48,7 +50,7 @@ const plots: Plot[] = [
     },
     {
         title: 'Particles',
-        unit: 'count',
+        meaning: 'Points that become the vertices of the mesh; those inside come once the surface has relaxed.',
         isLog: false,
         lines: [
             { label: 'all', ink: 'ink-1', of: (s) => Number(s.particles ?? 0) || null },
@@ -57,9 +59,9 @@ const plots: Plot[] = [
     },
     {
         title: 'Mesh quality',
-        unit: 'radius ratio, 1 is regular',
+        meaning: 'Radius ratio of the tetrahedra: 1 is regular, 0 is flat. Measured after each pass of the improvement.',
         isLog: false,
-        range: [0, 1],
+        isQuality: true,
         empty: 'Measured once the particles have become a mesh.',
         lines: [
             { label: 'mean', ink: 'ink-1', of: (s) => s.quality?.mean ?? null },
@@ -102,25 +104,23 @@ function Curve(props: { plot: Plot; samples: Sample[] }) {
     const { plot, samples } = props;
     const lines = plot.lines.map((line) => samples.map(line.of));
     const hasData = lines.some((line) => line.some((value) => value !== null));
-    const last = plot.lines.map((line, i) => {
-        const value = lines[i]!.findLast((entry) => entry !== null);
-        return `${line.label} ${value === undefined ? '–' : number(value ?? undefined)}`;
-    });
+    const last = lines.map((line) => line.findLast((entry) => entry !== null) ?? undefined);
     return (
         <figure class="card curve">
             <figcaption>
-                <strong>{plot.title}</strong> <small>{plot.unit}</small>
+                <strong>{plot.title}</strong>
+                <small class="meaning">{plot.meaning}</small>
                 <ul class="legend" aria-label="Newest values">
                     {plot.lines.map((line, i) => (
                         <li key={line.label}>
                             <i class={line.ink} aria-hidden="true" />
-                            {last[i]}
+                            {line.label} <b>{plot.isQuality ? ratio(last[i]) : number(last[i])}</b>
                         </li>
                     ))}
                 </ul>
             </figcaption>
             {hasData ? (
-                <Canvas plot={plot} x={samples.map((sample) => sample.iteration)} lines={lines} />
+                <Canvas plot={plot} x={samples.map((sample) => sample.iteration)} lines={lines} phases={phasesOf(samples)} />
             ) : (
                 <p class="nothing plot-space">{plot.empty ?? 'Nothing yet.'}</p>
             )}
@@ -129,16 +129,18 @@ function Curve(props: { plot: Plot; samples: Sample[] }) {
     );
 }
 
-const height = 180;
+const height = 190;
 
-function Canvas(props: { plot: Plot; x: number[]; lines: (number | null)[][] }) {
+function Canvas(props: { plot: Plot; x: number[]; lines: (number | null)[][]; phases: Phase[] }) {
     const place = useRef<HTMLDivElement>(null);
+    const phases = useRef(props.phases);
+    phases.current = props.phases;
     const chart = useRef<uPlot | null>(null);
     const [look, setLook] = useState(0);
     useEffect(() => onThemeChange(() => setLook((n) => n + 1)), []);
     useEffect(() => {
         const element = place.current!;
-        chart.current = new uPlot(optionsOf(props.plot, element.clientWidth), [[], ...props.lines.map(() => [])], element);
+        chart.current = new uPlot(optionsOf(props.plot, element.clientWidth, () => phases.current), [[], ...props.lines.map(() => [])], element);
         const observer = new ResizeObserver(() => chart.current?.setSize({ width: element.clientWidth, height }));
         observer.observe(element);
         return () => {
@@ -147,36 +149,51 @@ function Canvas(props: { plot: Plot; x: number[]; lines: (number | null)[][] }) 
             chart.current = null;
         };
     }, [props.plot, look]);
-    useEffect(() => chart.current?.setData([props.x, ...props.lines] as uPlot.AlignedData), [props.x, props.lines, look]);
+    useEffect(() => {
+        // Quality has values at the very end only: its axis starts there.
+        const from = props.plot.isQuality ? props.x.findIndex((_, i) => props.lines[0]![i] !== null) : 0;
+        const data = [props.x, ...props.lines].map((column) => column.slice(from));
+        chart.current?.setData(data as uPlot.AlignedData);
+    }, [props.x, props.lines, look]);
     return <div ref={place} class="canvas" aria-hidden="true" />;
 }
 
-function optionsOf(plot: Plot, width: number): uPlot.Options {
+function optionsOf(plot: Plot, width: number, phases: () => Phase[]): uPlot.Options {
     const axis: uPlot.Axis = {
         stroke: colour('muted'),
-        font: '11px system-ui, sans-serif',
+        font: `11px ${getComputedStyle(document.body).fontFamily}`,
         grid: { stroke: colour('line'), width: 1 },
         ticks: { show: false },
     };
-    const powers = (_u: uPlot, ticks: number[]) => ticks.map((tick) => (exponent(tick) ? tick : null));
+    const powers = (_u: uPlot, ticks: number[]) => ticks.map((tick) => (power(tick) ? tick : null));
     return {
         width,
         height,
         legend: { show: false },
         cursor: { points: { size: 6 }, y: false, drag: { x: true, y: false } },
-        padding: [8, 8, 0, 0],
+        padding: [plot.isQuality ? 8 : 18, 12, 0, 0],
+        hooks: plot.isQuality ? {} : { drawAxes: [(chart) => drawPhases(chart, phases())] },
         scales: {
             x: { time: false },
-            y: plot.isLog ? { distr: 3 } : plot.range ? { range: plot.range } : { range: (_u, _low, high) => [0, high * 1.1 || 1] },
+            y: plot.isLog ? { distr: 3 } : { range: (_u, low, high) => (plot.isQuality ? qualityRange(low) : [0, high * 1.1 || 1]) },
         },
         axes: [
-            { ...axis, size: 26 },
+            {
+                ...axis,
+                size: 22,
+                gap: 4,
+                label: 'iteration',
+                labelSize: 14,
+                labelGap: 0,
+                labelFont: axis.font,
+                values: (_u, ticks) => ticks.map((tick) => (Number.isInteger(tick) ? count(tick) : '')),
+            },
             {
                 ...axis,
                 ...(plot.isLog ? { filter: powers, grid: { ...axis.grid, filter: powers } } : {}),
-                size: 52,
+                size: 50,
                 values: (_u, ticks) =>
-                    ticks.map((tick) => (tick === null ? '' : plot.isLog ? exponent(tick) : compact(tick))),
+                    ticks.map((tick) => (tick === null ? '' : plot.isLog ? power(tick) : plot.isQuality ? tick.toFixed(2) : compact(tick))),
             },
         ],
         series: [
@@ -187,20 +204,59 @@ function optionsOf(plot: Plot, width: number): uPlot.Options {
                     stroke: colour(line.ink),
                     width: 1.75,
                     spanGaps: true,
-                    points: { show: plot.title === 'Mesh quality', size: 4 },
+                    points: { show: Boolean(plot.isQuality), size: 5, fill: colour(line.ink) },
                 }),
             ),
         ],
     };
 }
 
-function exponent(value: number): string {
-    const power = Math.log10(value);
-    return Math.abs(power - Math.round(power)) < 1e-6 ? `1e${Math.round(power)}` : '';
+/** From a round number below the worst to a regular element. */
+function qualityRange(low: number): [number, number] {
+    return [Math.max(0, Math.floor((low - 0.02) * 10) / 10), 1];
+}
+
+/** Where the surface was done and the volume began: without it a second peak looks like a fault. */
+function drawPhases(chart: uPlot, phases: Phase[]) {
+    const { ctx, bbox } = chart;
+    const [low, high] = [chart.scales.x!.min, chart.scales.x!.max];
+    if (low == null || high == null || phases.length < 2) {
+        return;
+    }
+    ctx.save();
+    ctx.font = `${10.5 * devicePixelRatio}px ${getComputedStyle(document.body).fontFamily}`;
+    ctx.textAlign = 'left';
+    ctx.textBaseline = 'alphabetic';
+    ctx.fillStyle = colour('muted');
+    ctx.strokeStyle = colour('strong-line');
+    ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
+    for (const { name, from, to } of phases.filter((phase) => phase.to > low && phase.from < high)) {
+        const left = Math.max(bbox.left, chart.valToPos(from, 'x', true));
+        const right = Math.min(bbox.left + bbox.width, chart.valToPos(to, 'x', true));
+        if (left > bbox.left + 1) {
+            ctx.beginPath();
+            ctx.moveTo(left, bbox.top);
+            ctx.lineTo(left, bbox.top + bbox.height);
+            ctx.stroke();
+        }
+        if (ctx.measureText(name).width < right - left) {
+            ctx.fillText(name, left + 2, bbox.top - 6 * devicePixelRatio);
+        }
+    }
+    ctx.restore();
+}
+
+function power(value: number): string {
+    const exponent = Math.log10(value);
+    const whole = Math.round(exponent);
+    if (Math.abs(exponent - whole) > 1e-6) {
+        return '';
+    }
+    return whole === 0 ? '1' : whole === 1 ? '10' : `10${superscript(whole)}`;
 }
 
 function compact(value: number): string {
-    return value.toLocaleString('en-US', { notation: 'compact', maximumSignificantDigits: 3 });
+    return value.toLocaleString('en-US', { notation: 'compact', maximumSignificantDigits: 3 }).replace('K', ' k').replace('M', ' M');
 }
 
 const longestTable = 100;

@@ -1,13 +1,20 @@
 import type { Histogram, Quality, Summary } from '../api';
-import { count, number, percent } from '../format';
+import { count, number, percent, ratio } from '../format';
 
 interface Panel {
     title: string;
-    unit: string;
+    meaning: string;
+    elements: string;
+    /** Marks of the axis. */
+    ticks: number[];
+    value: (value: number | undefined) => string;
     before?: Summary;
     after?: Summary;
     afterLabel: string;
 }
+
+const ratioTicks = [0, 0.2, 0.4, 0.6, 0.8, 1];
+const angle = (value: number | undefined) => (value === undefined ? '–' : `${number(value)}°`);
 
 /** Distributions before and after, side by side, on one scale. */
 export function Histograms(props: { quality: Quality }) {
@@ -15,14 +22,20 @@ export function Histograms(props: { quality: Quality }) {
     const panels: Panel[] = [
         {
             title: 'Triangles: radius ratio',
-            unit: '0 degenerate, 1 regular',
+            meaning: 'Inscribed over circumscribed circle: 1 is equilateral, 0 degenerate.',
+            elements: 'triangles',
+            ticks: ratioTicks,
+            value: ratio,
             before: quality.before?.radius_ratio,
             after: quality.after?.radius_ratio,
             afterLabel: 'after',
         },
         {
             title: 'Triangles: smallest angle',
-            unit: 'degrees',
+            meaning: 'Of each triangle, in degrees: 60 is the best there is.',
+            elements: 'triangles',
+            ticks: [0, 15, 30, 45, 60],
+            value: angle,
             before: quality.before?.min_angle,
             after: quality.after?.min_angle,
             afterLabel: 'after',
@@ -32,22 +45,29 @@ export function Histograms(props: { quality: Quality }) {
         panels.push(
             {
                 title: 'Tetrahedra: radius ratio',
-                unit: '0 flat, 1 regular',
+                meaning: 'Inscribed over circumscribed sphere: 1 is regular, 0 flat.',
+                elements: 'tetrahedra',
+                ticks: ratioTicks,
+                value: ratio,
                 after: quality.tets.radius_ratio,
-                afterLabel: 'result',
+                afterLabel: 'after',
             },
             {
                 title: 'Tetrahedra: dihedral angles',
-                unit: 'degrees',
+                meaning: 'Smallest and largest angle between faces of each, in degrees: 70.5 in a regular one.',
+                elements: 'angles',
+                ticks: [0, 30, 60, 90, 120, 150, 180],
+                value: angle,
                 after: quality.tets.dihedral,
-                afterLabel: 'result',
+                afterLabel: 'after',
             },
         );
     }
     return (
         <section aria-labelledby="histograms-title">
             <div class="section-title">
-                <h2 id="histograms-title">Quality</h2>
+                <h2 id="histograms-title">Quality before and after</h2>
+                <span class="muted">bars are shares of all elements, the dotted line is their mean</span>
             </div>
             <div class="histograms">
                 {panels.map((panel) => (
@@ -64,64 +84,81 @@ function HistogramPanel(props: { panel: Panel }) {
     return (
         <figure class="card">
             <figcaption>
-                <strong>{panel.title}</strong> <small>{panel.unit}</small>
+                <strong>{panel.title}</strong>
+                <small class="meaning">{panel.meaning}</small>
             </figcaption>
             <div class="pair">
-                {panel.before && (
-                    <Bars label="before" ink="ink-before" summary={panel.before} top={top} width={half} />
-                )}
-                {panel.after && (
-                    <Bars
-                        label={panel.afterLabel}
-                        ink="ink-1"
-                        summary={panel.after}
-                        top={top}
-                        width={panel.before ? half : 2 * half}
-                    />
-                )}
+                {panel.before && <Bars label="before" ink="ink-before" summary={panel.before} panel={panel} top={top} />}
+                {panel.after && <Bars label={panel.afterLabel} ink="ink-1" summary={panel.after} panel={panel} top={top} />}
             </div>
             <HistogramTable panel={panel} />
         </figure>
     );
 }
 
-const half = 250;
-const height = 110;
+const half = 260;
+const height = 120;
+const space = { left: 30, top: 6, bottom: 20 };
 
-function Bars(props: { label: string; ink: string; summary: Summary; top: number; width: number }) {
-    const { width } = props;
-    const shares = sharesOf(props.summary.histogram);
-    const low = props.summary.histogram?.low ?? 0;
-    const high = props.summary.histogram?.high ?? 1;
-    const step = width / Math.max(1, shares.length);
-    const mean = (width * ((props.summary.mean ?? 0) - low)) / (high - low || 1);
+function Bars(props: { label: string; ink: string; summary: Summary; panel: Panel; top: number }) {
+    const { summary, panel } = props;
+    const width = panel.before ? half : 2 * half;
+    const shares = sharesOf(summary.histogram);
+    const low = summary.histogram?.low ?? 0;
+    const high = summary.histogram?.high ?? 1;
+    const top = props.top || 1;
+    const x = (value: number) => space.left + ((width - space.left) * (value - low)) / (high - low || 1);
+    const y = (share: number) => space.top + height * (1 - share / top);
+    const step = (width - space.left) / Math.max(1, shares.length);
+    const ticks = panel.before && panel.ticks.length > 6 ? panel.ticks.filter((_, i) => i % 2 === 0) : panel.ticks;
+    const levels = levelsBelow(top);
     return (
         <div>
             <svg
                 class="bars"
-                viewBox={`0 0 ${width} ${height + 16}`}
+                viewBox={`0 0 ${width} ${space.top + height + space.bottom}`}
                 role="img"
-                aria-label={`${props.label}: mean ${number(props.summary.mean)}, smallest ${number(props.summary.min)}, ${count(props.summary.count)} elements`}
+                aria-label={`${props.label}: mean ${panel.value(summary.mean)}, worst ${panel.value(summary.min ?? 0)}, ${count(summary.count)} ${panel.elements}`}
             >
-                {shares.map((share, i) => {
-                    const tall = (height * share) / (props.top || 1);
-                    return <rect key={i} class={props.ink} x={i * step + 0.75} y={height - tall} width={step - 1.5} height={tall} rx="1" />;
-                })}
-                <line class="axis" x1="0" x2={width} y1={height + 0.5} y2={height + 0.5} />
-                <line class="mean" x1={mean} x2={mean} y1="0" y2={height} />
-                <text x="0" y={height + 13}>
-                    {number(low)}
-                </text>
-                <text x={width} y={height + 13} text-anchor="end">
-                    {number(high)}
-                </text>
+                {levels.map((share) => (
+                    <g key={share}>
+                        <line class="level" x1={space.left} x2={width} y1={y(share)} y2={y(share)} />
+                        <text x={space.left - 5} y={y(share) + 3} text-anchor="end">
+                            {Math.round(100 * share)} %
+                        </text>
+                    </g>
+                ))}
+                {shares.map((share, i) => (
+                    <rect
+                        key={i}
+                        class={props.ink}
+                        x={space.left + i * step + 0.75}
+                        y={y(share)}
+                        width={step - 1.5}
+                        height={space.top + height - y(share)}
+                        rx="1"
+                    />
+                ))}
+                <line class="axis" x1={space.left} x2={width} y1={y(0) + 0.5} y2={y(0) + 0.5} />
+                <line class="mean" x1={x(summary.mean ?? 0)} x2={x(summary.mean ?? 0)} y1={space.top} y2={y(0)} />
+                {ticks.map((tick) => (
+                    <text key={tick} x={x(tick)} y={y(0) + 14} text-anchor={tick === low ? 'start' : tick === high ? 'end' : 'middle'}>
+                        {tick}
+                    </text>
+                ))}
             </svg>
             <p class="bars-label">
-                <strong>{props.label}</strong> mean {number(props.summary.mean)} · worst {number(props.summary.min)} ·{' '}
-                {count(props.summary.count)}
+                <strong>{props.label}</strong> mean {panel.value(summary.mean)} · worst {panel.value(summary.min ?? 0)} ·{' '}
+                {count(summary.count)} {panel.elements}
             </p>
         </div>
     );
+}
+
+/** One or two round shares below the highest bar. */
+function levelsBelow(top: number): number[] {
+    const step = [0.02, 0.05, 0.1, 0.2, 0.4].find((size) => top / size < 3.2) ?? 0.4;
+    return Array.from({ length: Math.floor(top / step) }, (_, i) => (i + 1) * step);
 }
 
 function HistogramTable(props: { panel: Panel }) {

@@ -1,75 +1,147 @@
-import type { Job, Quality } from '../api';
-import { count, number, percent, word } from '../format';
+import type { Deviation, Job, Quality, Summary, SurfaceQuality } from '../api';
+import { count, moment, number, percent, ratio, word } from '../format';
+import { jobPath } from '../router';
 
-interface Row {
-    name: string;
-    before?: string;
-    after: string;
+interface Table {
+    title: string;
+    columns: string[];
+    rows: [name: string, ...values: string[]][];
 }
 
+const unitSigns: Record<string, string> = { UNIT_MILLIMETER: 'mm', UNIT_CENTIMETER: 'cm', UNIT_METER: 'm' };
+const degrees = (value: number | undefined) => `${number(value ?? 0)}°`;
+
 /** The measures of the paper and the ones that solvers ask for. */
-export function Measures(props: { quality: Quality }) {
-    const { before, after, tets } = props.quality;
-    const rows: Row[] = [
-        { name: 'Triangles', before: count(before?.triangles), after: count(after?.triangles) },
-        { name: 'Vertices of the surface', before: count(before?.vertices), after: count(after?.vertices) },
-        { name: 'Parts', before: count(before?.components), after: count(after?.components) },
-        { name: 'Euler characteristic', before: count(before?.euler_characteristic), after: count(after?.euler_characteristic) },
-        { name: 'Area', before: number(before?.area, 4), after: number(after?.area, 4) },
-        { name: 'Enclosed volume', before: number(before?.volume, 4), after: number(after?.volume, 4) },
-        { name: 'Triangle radius ratio, mean', before: number(before?.radius_ratio?.mean), after: number(after?.radius_ratio?.mean) },
-        { name: 'Triangle radius ratio, worst', before: number(before?.radius_ratio?.min ?? 0), after: number(after?.radius_ratio?.min ?? 0) },
-        { name: 'Smallest triangle angle, degrees', before: number(before?.min_angle?.min ?? 0), after: number(after?.min_angle?.min ?? 0) },
-        { name: 'Edge length, mean', before: number(before?.edge_length?.mean), after: number(after?.edge_length?.mean) },
-    ];
-    if (tets) {
-        rows.push(
-            { name: 'Tetrahedra', after: count(tets.tets) },
-            { name: 'Volume of the tetrahedra', after: number(tets.volume, 4) },
-            { name: 'Tetrahedron radius ratio, mean', after: number(tets.radius_ratio?.mean) },
-            { name: 'Tetrahedron radius ratio, worst 1 %', after: number(tets.radius_ratio?.first_percentile) },
-            { name: 'Dihedral angles, smallest, degrees', after: number(tets.dihedral?.min ?? 0) },
-            { name: 'Dihedral angles, largest, degrees', after: number(tets.dihedral?.max) },
-        );
-    }
-    const { output_to_input: there, input_to_output: back } = props.quality;
-    rows.push(
-        { name: 'Edge length asked for or chosen, h', after: number(props.quality.edge_length) },
-        { name: 'Change of volume', after: percent(props.quality.volume_change ?? 0, 2) },
-        { name: 'Distance result to input: rms, 99 %, largest', after: `${number(there?.rms)}, ${number(there?.p99)}, ${number(there?.max)}` },
-        { name: 'Distance input to result: rms, 99 %, largest', after: `${number(back?.rms)}, ${number(back?.p99)}, ${number(back?.max)}` },
-    );
+export function Measures(props: { quality: Quality; unit?: string }) {
+    const sign = unitSigns[props.unit ?? ''] ?? '';
     return (
         <section aria-labelledby="measures-title">
             <div class="section-title">
                 <h2 id="measures-title">Measures</h2>
-                <span class="muted">lengths in the units of the input</span>
+                <span class="muted">
+                    {sign ? '' : 'lengths in the units of the input; '}h is the edge length, {lengthOf(props.quality.edge_length, sign)}
+                </span>
             </div>
-            <div class="card table-card scroll" tabIndex={0} role="group" aria-label="Measures">
-                <table class="measures">
-                    <thead>
-                        <tr>
-                            <th scope="col">Measure</th>
-                            <th scope="col" class="right">
-                                Before
-                            </th>
-                            <th scope="col" class="right">
-                                After
-                            </th>
-                        </tr>
-                    </thead>
-                    <tbody>
-                        {rows.map((row) => (
-                            <tr key={row.name}>
-                                <th scope="row">{row.name}</th>
-                                <td class="right">{row.before ?? ''}</td>
-                                <td class="right">{row.after}</td>
-                            </tr>
-                        ))}
-                    </tbody>
-                </table>
+            <div class="measures">
+                {tablesOf(props.quality, sign).map((table) => (
+                    <MeasureTable key={table.title} table={table} />
+                ))}
             </div>
         </section>
+    );
+}
+
+function lengthOf(value: number | undefined, sign: string): string {
+    return `${number(value)}${sign && ` ${sign}`}`;
+}
+
+function tablesOf(quality: Quality, sign: string): Table[] {
+    const { before, after, tets } = quality;
+    // What an open surface encloses is a matter of taste.
+    const isOpen = (quality.defects ?? []).some((defect) => defect.code === 'OPEN_BOUNDARY');
+    const both = (show: (surface: SurfaceQuality | undefined) => string): [string, string] => [show(before), show(after)];
+    const change = quality.volume_change ?? 0;
+    const tables: Table[] = [
+        {
+            title: 'Body',
+            columns: ['before', 'after'],
+            rows: [
+                ['Area', ...both((surface) => number(surface?.area, 4) + (sign && ` ${sign}²`))],
+                ['Enclosed volume', isOpen ? 'open' : volumeOf(before?.volume, sign), volumeOf(after?.volume, sign)],
+                [`Change of volume${isOpen ? ', once closed' : ''}`, '', `${change > 0 ? '+' : ''}${percent(change, 2)}`],
+                ['Parts', ...both((surface) => count(surface?.components))],
+                ['Euler characteristic', ...both((surface) => count(surface?.euler_characteristic))],
+            ],
+        },
+        {
+            title: 'Triangles',
+            columns: ['before', 'after'],
+            rows: [
+                ['Number', ...both((surface) => count(surface?.triangles))],
+                ...shapeRows('Radius ratio', before?.radius_ratio, after?.radius_ratio),
+                ['Smallest angle', ...both((surface) => degrees(surface?.min_angle?.min))],
+                ['Mean edge length', ...both((surface) => lengthOf(surface?.edge_length?.mean, sign))],
+            ],
+        },
+    ];
+    if (tets) {
+        tables.push({
+            title: 'Tetrahedra',
+            columns: ['after'],
+            rows: [
+                ['Number', count(tets.tets)],
+                ['Radius ratio, mean', ratio(tets.radius_ratio?.mean)],
+                ['Radius ratio, worst 1 % below', ratio(tets.radius_ratio?.first_percentile)],
+                ['Radius ratio, worst', ratio(tets.radius_ratio?.min ?? 0)],
+                ['Dihedral angles', `${degrees(tets.dihedral?.min)} to ${degrees(tets.dihedral?.max)}`],
+            ],
+        });
+    }
+    const { output_to_input: there, input_to_output: back } = quality;
+    const distance = (name: string, of: (deviation: Deviation) => number | undefined): Table['rows'][number] => [
+        name,
+        ...[there, back].map((deviation) => distanceOf(deviation && of(deviation), quality.edge_length, sign)),
+    ];
+    tables.push({
+        title: 'Distance',
+        columns: ['result to input', 'input to result'],
+        rows: [
+            distance('Root mean square', (deviation) => deviation.rms),
+            distance('99 % are nearer than', (deviation) => deviation.p99),
+            distance('Largest', (deviation) => deviation.max),
+        ],
+    });
+    return tables;
+}
+
+function volumeOf(value: number | undefined, sign: string): string {
+    return number(value, 4) + (sign && ` ${sign}³`);
+}
+
+function distanceOf(value: number | undefined, h: number | undefined, sign: string): string {
+    if (value === undefined || !h) {
+        return '–';
+    }
+    return `${lengthOf(value, sign)} (${(value / h).toFixed(2)} h)`;
+}
+
+function shapeRows(name: string, before: Summary | undefined, after: Summary | undefined): Table['rows'] {
+    return [
+        [`${name}, mean`, ratio(before?.mean), ratio(after?.mean)],
+        [`${name}, worst 1 % below`, ratio(before?.first_percentile ?? 0), ratio(after?.first_percentile ?? 0)],
+        [`${name}, worst`, ratio(before?.min ?? 0), ratio(after?.min ?? 0)],
+    ];
+}
+
+function MeasureTable(props: { table: Table }) {
+    const { table } = props;
+    return (
+        <div class="card scroll" tabIndex={0} role="group" aria-label={table.title}>
+            <table>
+                <thead>
+                    <tr>
+                        <th scope="col">{table.title}</th>
+                        {table.columns.map((column) => (
+                            <th key={column} scope="col" class="right">
+                                {column}
+                            </th>
+                        ))}
+                    </tr>
+                </thead>
+                <tbody>
+                    {table.rows.map(([name, ...values]) => (
+                        <tr key={name}>
+                            <th scope="row">{name}</th>
+                            {values.map((value, i) => (
+                                <td key={i} class="right">
+                                    {value}
+                                </td>
+                            ))}
+                        </tr>
+                    ))}
+                </tbody>
+            </table>
+        </div>
     );
 }
 
@@ -79,11 +151,14 @@ export function Made(props: { job: Job }) {
     const provenance = job.result?.provenance;
     const rows: [string, string][] = [
         ['Job', job.name],
-        ['Created', new Date(job.create_time).toLocaleString()],
+        ['Created', moment(job.create_time)],
         ['Input, SHA-256', job.spec.input.digest?.sha256 ?? ''],
-        ['Unit', word(job.spec.input.frame?.unit) || 'not said'],
-        ['Space', word(job.spec.input.frame?.space).toUpperCase() || 'not said'],
+        ['Unit of the input', word(job.spec.input.frame?.unit).replace('meter', 'metre') || 'not said'],
+        ['Patient space', word(job.spec.input.frame?.space).toUpperCase() || 'not said'],
     ];
+    if (job.origin) {
+        rows.push(['Repeats', job.origin]);
+    }
     if (provenance) {
         rows.push(['Engine', provenance.engine_version ?? '']);
     }
@@ -97,7 +172,7 @@ export function Made(props: { job: Job }) {
                     {rows.map(([name, value]) => (
                         <div key={name}>
                             <dt>{name}</dt>
-                            <dd>{value}</dd>
+                            <dd>{name === 'Repeats' ? <a href={jobPath(value)}>{value}</a> : value}</dd>
                         </div>
                     ))}
                 </dl>

@@ -7,10 +7,16 @@ import { navigate } from '../router';
 import { setTheme, theme, type Theme } from '../theme';
 
 const themes: Theme[] = ['auto', 'light', 'dark'];
-const themeLabels = { auto: 'As the system', light: 'Light', dark: 'Dark' };
+const themeLabels = { auto: 'Auto', light: 'Light', dark: 'Dark' };
 
 /** What is around every page. Files dropped anywhere go to the form. */
-export function Shell(props: { at: string; capabilities: Capabilities | null; children: ComponentChildren }) {
+export function Shell(props: {
+    at: string;
+    capabilities: Capabilities | null;
+    /** Absent where there is no session to end. */
+    onSignOut?: (() => void) | undefined;
+    children: ComponentChildren;
+}) {
     const isDragging = useFileDrop();
     return (
         <>
@@ -30,7 +36,14 @@ export function Shell(props: { at: string; capabilities: Capabilities | null; ch
                         New job
                     </a>
                 </nav>
-                <ThemePicker />
+                <div class="top-end">
+                    <ThemePicker />
+                    {props.onSignOut && (
+                        <button class="quiet" onClick={props.onSignOut}>
+                            Sign out
+                        </button>
+                    )}
+                </div>
             </header>
             <main id="main" tabIndex={-1}>
                 {props.children}

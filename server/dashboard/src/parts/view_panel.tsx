@@ -22,7 +22,7 @@ const sourceLabels: Record<Source, string> = {
 const measureLabels: Record<Measure, string> = {
     quality: 'Element quality',
     edge: 'Edge length',
-    plain: 'Nothing',
+    plain: 'One colour',
 };
 
 // A view of more would keep the browser busy for longer than anyone waits.
@@ -59,11 +59,16 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                 ? surface?.digest
                 : tets?.digest;
     const { content, problem } = useContent(source, digest, inputKind, job.spec.input.digest);
+    // The triangles of a thinned-out view aren't those of the mesh.
+    const isThinned = source === 'live' && content?.kind === 'surface' && isThinnerThan(content.mesh, model);
+    const shownMeasure = isThinned ? 'plain' : measure;
 
     return (
         <section class="card view" aria-labelledby="view-title">
             <div class="view-head">
-                <h2 id="view-title">Surface</h2>
+                <h2 id="view-title" class="sr">
+                    3-D view
+                </h2>
                 <div class="segments" role="radiogroup" aria-label="What is shown">
                     {available.map((name) => (
                         <label key={name}>
@@ -72,15 +77,29 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                         </label>
                     ))}
                 </div>
-                <span class="muted view-count">{describe(content)}</span>
+                <span class="muted view-count">
+                    {describe(content)}
+                    {isThinned && ', thinned out while it runs'}
+                </span>
             </div>
-            <Stage content={content} measure={measure} clip={clip} hasEdges={hasEdges} reference={source === 'input' ? null : h}>
+            <Stage
+                content={content}
+                measure={shownMeasure}
+                hasRoundings={source !== 'input'}
+                clip={clip} 
+                hasEdges={hasEdges && !isThinned}
+                reference={source === 'input' ? null : h}
+            >
                 {problem ? <p class="nothing">{problem}</p> : !content && <p class="nothing">{waiting(job, source)}</p>}
             </Stage>
             <div class="view-controls">
                 <label>
                     Colour by
-                    <select value={measure} onChange={(event) => setMeasure(event.currentTarget.value as Measure)}>
+                    <select
+                        value={shownMeasure}
+                        disabled={isThinned || content?.kind === 'particles'}
+                        onChange={(event) => setMeasure(event.currentTarget.value as Measure)}
+                    >
                         {(Object.keys(measureLabels) as Measure[]).map((name) => (
                             <option key={name} value={name}>
                                 {measureLabels[name]}
@@ -88,7 +107,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                         ))}
                     </select>
                 </label>
-                <Scale measure={content?.kind === 'particles' ? 'plain' : measure} />
+                <Scale measure={content?.kind === 'particles' ? 'plain' : shownMeasure} />
                 <span class="cut">
                     <label>
                         Cut along
@@ -120,6 +139,11 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
             </div>
         </section>
     );
+}
+
+function isThinnerThan(mesh: Mesh, model: JobModel): boolean {
+    const known = model.samples.findLast((sample) => sample.surface_particles)?.surface_particles;
+    return mesh.positions.length / 3 < 0.9 * Number(known ?? 0);
 }
 
 function describe(content: Content | null): string {
@@ -248,6 +272,8 @@ const keys: Record<string, (scene: Scene) => void> = {
 function Stage(props: {
     content: Content | null;
     measure: Measure;
+    /** Whether it may be shaded smoothly: stairs of an input shall show. */
+    hasRoundings: boolean;
     clip: Clip;
     hasEdges: boolean;
     reference: number | null;
@@ -290,9 +316,9 @@ function Stage(props: {
     useEffect(() => scene?.showEdges(props.hasEdges), [scene, props.hasEdges]);
     useEffect(() => {
         if (scene && props.content) {
-            scene.show(props.content);
+            scene.show(props.content, props.hasRoundings);
         }
-    }, [scene, props.content]);
+    }, [scene, props.content, props.hasRoundings]);
 
     return (
         <div class="stage">

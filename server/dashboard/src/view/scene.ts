@@ -44,6 +44,8 @@ interface Values {
 }
 
 const turnStep = Math.PI / 24;
+/** Corners whose triangle leans further than this from the mean stay sharp. */
+const cosOfSharp = Math.cos(Math.PI / 7);
 
 export class Scene {
     private readonly renderer: WebGLRenderer;
@@ -59,6 +61,7 @@ export class Scene {
     private measure: Measure = 'quality';
     private clip: Clip = { axis: 0, share: 0 };
     private hasEdges = true;
+    private hasRoundings = false;
     /** What edge lengths are compared with, model units. */
     private reference: number | null = null;
     private radius = 1;
@@ -73,19 +76,21 @@ export class Scene {
         this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
         this.renderer.localClippingEnabled = true;
         this.camera.up.set(0, 0, 1);
-        const light = new DirectionalLight(0xffffff, 2.2);
+        const light = new DirectionalLight(0xffffff, 2.5);
         light.position.set(-0.5, -0.4, 0.9);
         this.camera.add(light);
         this.stage.fog = this.fog;
-        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0xa9adb3, 2.5), this.contents);
+        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0x8f8c88, 2.1), this.contents);
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = false;
         this.controls.addEventListener('change', () => this.draw());
         this.controls.addEventListener('start', () => (this.isTurned = true));
     }
 
-    show(content: Content) {
+    /** \param hasRoundings  whether it's shaded smoothly where it has one colour */
+    show(content: Content, hasRoundings: boolean) {
         this.content = content;
+        this.hasRoundings = hasRoundings;
         this.faces = null;
         this.values = null;
         if (content.kind === 'tets') {
@@ -288,12 +293,12 @@ export class Scene {
         }
         geometry.setAttribute('position', new BufferAttribute(corners, 3));
         geometry.setAttribute('color', new BufferAttribute(colours, 3));
-        geometry.computeVertexNormals();
+        const isSmooth = this.hasRoundings && this.measure === 'plain' && this.content?.kind === 'surface';
+        geometry.setAttribute('normal', new BufferAttribute(isSmooth ? cornerNormals(positions, triangles) : flat(corners), 3));
         const clippingPlanes = isClipped ? [this.plane] : [];
         const material = new MeshLambertMaterial({
             vertexColors: true,
             side: DoubleSide,
-            flatShading: true,
             fog: false,
             clippingPlanes,
             polygonOffset: true,
@@ -306,7 +311,7 @@ export class Scene {
                 color: 0x101418,
                 wireframe: true,
                 transparent: true,
-                opacity: 0.16,
+                opacity: 0.2,
                 fog: false,
                 clippingPlanes,
             });
@@ -321,22 +326,28 @@ export class Scene {
             geometry.setAttribute('position', new BufferAttribute(content.ghost.positions, 3));
             geometry.setIndex(new BufferAttribute(content.ghost.triangles, 1));
             geometry.computeVertexNormals();
-            const glass = new MeshLambertMaterial({
-                color: colour('surface-3d'),
-                transparent: true,
-                opacity: 0.25,
-                fog: false,
-                depthWrite: false,
-                side: DoubleSide,
-                clippingPlanes,
-            });
-            this.contents.add(new Drawn(geometry, glass));
+            const body = new MeshLambertMaterial({ color: colour('surface-3d'), fog: false, side: DoubleSide, clippingPlanes });
+            this.contents.add(new Drawn(geometry, body));
         }
         this.fog.color.set(colour('stage-bottom'));
         const geometry = new BufferGeometry();
         geometry.setAttribute('position', new BufferAttribute(content.mesh.positions, 3));
-        const size = content.mesh.positions.length > 30_000 ? 2.5 : 4;
+        const size = (content.mesh.positions.length > 15_000 ? 3 : 4.5) * this.renderer.getPixelRatio();
         const dots = new PointsMaterial({ color: colour('ink-1'), size, sizeAttenuation: false, clippingPlanes });
+        // Round, and drawn a little nearer than they are: the body they smooth hides only those behind it.
+        const nearer = (0.02 * this.radius).toFixed(9);
+        dots.onBeforeCompile = (shader) => {
+            shader.vertexShader = shader.vertexShader.replace(
+                '#include <project_vertex>',
+                `#include <project_vertex>
+                gl_Position = projectionMatrix * vec4(mvPosition.xyz * (1.0 - ${nearer} / length(mvPosition.xyz)), 1.0);`,
+            );
+            shader.fragmentShader = shader.fragmentShader.replace(
+                '#include <clipping_planes_fragment>',
+                `if (length(gl_PointCoord - 0.5) > 0.5) discard;
+                #include <clipping_planes_fragment>`,
+            );
+        };
         this.contents.add(new Points(geometry, dots));
     }
 
@@ -344,4 +355,34 @@ export class Scene {
     restyle() {
         this.rebuild();
     }
+}
+
+/** The normal of its triangle at every corner. */
+function flat(corners: Float32Array): Float32Array {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new BufferAttribute(corners, 3));
+    geometry.computeVertexNormals();
+    return geometry.getAttribute('normal').array as Float32Array;
+}
+
+/** The mean normal of the triangles around it at every corner, but for corners on sharp edges. */
+function cornerNormals(positions: Float32Array, triangles: Uint32Array): Float32Array {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new BufferAttribute(positions, 3));
+    geometry.setIndex(new BufferAttribute(triangles, 1));
+    geometry.computeVertexNormals();
+    const smooth = geometry.getAttribute('normal').array as Float32Array;
+    const normals = new Float32Array(3 * triangles.length);
+    const [a, b, c, own, mean] = Array.from({ length: 5 }, () => new Vector3());
+    for (let i = 0; i < triangles.length; i += 3) {
+        a!.fromArray(positions, 3 * triangles[i]!);
+        b!.fromArray(positions, 3 * triangles[i + 1]!).sub(a!);
+        c!.fromArray(positions, 3 * triangles[i + 2]!).sub(a!);
+        own!.crossVectors(b!, c!).normalize();
+        for (let n = 0; n < 3; ++n) {
+            mean!.fromArray(smooth, 3 * triangles[i + n]!);
+            (mean!.dot(own!) > cosOfSharp ? mean! : own!).toArray(normals, 3 * (i + n));
+        }
+    }
+    return normals;
 }
