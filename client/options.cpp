@@ -130,6 +130,9 @@ void add_relaxation_options(CLI::App& command, v1::Options& options) {
                             [&](std::int32_t x) { relaxation.set_max_surface_iterations(x); });
     add_value<std::int32_t>(command, "--max-volume-iterations", "N", "Bound in the volume",
                             [&](std::int32_t x) { relaxation.set_max_volume_iterations(x); });
+    add_value<std::int32_t>(command, "--population-passes", "N",
+                            "Passes that insert and remove particles where sizes vary",
+                            [&](std::int32_t x) { relaxation.set_population_passes(x); });
     add_value<double>(command, "--tolerance", "X", "Converged below this rms step over h",
                       [&](double x) { relaxation.set_tolerance(x); });
 }
@@ -144,6 +147,18 @@ void add_improvement_options(CLI::App& command, v1::Options& options) {
                                       "What to aim at", [&](auto x) { improvement.set_mode(x); });
     add_value<std::int32_t>(command, "--passes", "N", "Passes of flips and smoothing",
                             [&](std::int32_t x) { improvement.set_passes(x); });
+    add_value<std::int64_t>(command, "--max-tets", "N", "Coarsen until no more come out, >= 100",
+                            [&](std::int64_t x) { options.set_max_tets(x); });
+
+    command.option_defaults()->group("Bounds: a result that breaks one fails, with its report");
+    v1::Bounds& bounds = *options.mutable_bounds();
+    add_value<double>(command, "--min-dihedral", "DEG", "Smallest dihedral angle, in (0, 70.5]",
+                      [&](double x) { bounds.set_min_dihedral(x); });
+    add_value<double>(command, "--max-deviation", "D",
+                      "Largest distance between the surfaces, model units",
+                      [&](double x) { bounds.set_max_deviation(x); });
+    add_value<double>(command, "--max-volume-change", "X", "Share of the volume, 0.01 is 1 %",
+                      [&](double x) { bounds.set_max_volume_change(x); });
 }
 
 void add_queue_options(CLI::App& command, v1::JobSpec& spec) {

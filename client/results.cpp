@@ -11,9 +11,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const auto& outputs_of(const v1::Job& job) {
+    return job.state() == v1::Job::STATE_FAILED ? job.failure().outputs() : job.result().outputs();
+}
+
 Failure no_such_output(const v1::Job& job, const std::string& wanted) {
     std::vector<std::string> there;
-    for (const v1::Output& output : job.result().outputs()) {
+    for (const v1::Output& output : outputs_of(job)) {
         there.push_back(
             fmt::format("{} ({})", sanitised(output.file_name()), kind_word(output.kind())));
     }
@@ -31,7 +35,7 @@ bool is_preview(const v1::Output& output) {
 template <typename Fits>
 const v1::Output* best_output(const v1::Job& job, Fits fits) {
     const v1::Output* best = nullptr;
-    for (const v1::Output& output : job.result().outputs()) {
+    for (const v1::Output& output : outputs_of(job)) {
         const bool is_better = best == nullptr || (output.kind() == v1::Output::KIND_TETRAHEDRA &&
                                                    best->kind() != v1::Output::KIND_TETRAHEDRA);
         if (!is_preview(output) && is_better && fits(output)) {
@@ -53,7 +57,7 @@ const v1::Output& output_in(const v1::Job& job, v1::Format format) {
 }
 
 const v1::Output& output_of(const v1::Job& job, v1::Output::Kind kind) {
-    for (const v1::Output& output : job.result().outputs()) {
+    for (const v1::Output& output : outputs_of(job)) {
         if (output.kind() == kind) {
             return output;
         }

@@ -161,6 +161,12 @@ void add_sizing_options(CLI::App& command, v1::Sizing& sizing) {
              "Size in a sphere:X,Y,Z,R, a box:X,Y,Z,X,Y,Z, at points:X,Y,Z,... or along a "
              "polyline:X,Y,Z,...; repeatable",
              [&](const std::string& text) { read_region(text, sizing); });
+    add_text(command, "--size-field", "NAME",
+             "Scalar of the input's vertices that is the size there (PLY, VTP, VTK)",
+             [&](const std::string& name) { sizing.set_vertex_field(name); });
+    command.add_flag_function(
+        "--return-sizes", [&](std::int64_t) { sizing.set_return_field(true); },
+        "Also write the sizes asked for, as field h of the vertices");
     command.add_flag_function(
         "--no-thickness-guard", [&](std::int64_t) { sizing.set_guard_thickness(false); },
         "Don't refine where the body is thin");

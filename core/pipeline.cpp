@@ -1,6 +1,7 @@
 #include "core/pipeline.h"
 
 #include <sys/resource.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +14,7 @@
 #include "core/error.h"
 #include "core/mesh/preview.h"
 #include "core/mesh/quality.h"
+#include "core/parallel.h"
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/text.h"
 #include "core/stages/verify.h"
@@ -119,6 +121,13 @@ std::string format_length(double length) {
     return text.str();
 }
 
+std::vector<double> sizes_at(const Points& points, const SizingField& sizing,
+                             const RunContext& run) {
+    std::vector<double> sizes(points.size());
+    for_each_index(points.size(), run, [&](std::size_t i) { sizes[i] = sizing.h(points[i]); });
+    return sizes;
+}
+
 double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
@@ -127,14 +136,21 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
                           const RunContext& run) {
     QualityReport report;
     report.edge_length = result.edge_length;
-    report.before = measure_surface(prepared.cleaned);
-    report.after = measure_surface(result.surface);
-    if (!result.tets.tets.empty()) {
-        report.tets = measure_tets(result.tets);
-        report.worst = worst_tets(result.tets);
-    }
-    report.output_to_input = measure_deviation(result.surface, prepared.cleaned, run);
-    report.input_to_output = measure_deviation(prepared.cleaned, result.surface, run);
+    tbb::parallel_invoke(
+        [&] { report.before = measure_surface(prepared.cleaned); },
+        [&] { report.after = measure_surface(result.surface); },
+        [&] {
+            if (!result.tets.tets.empty()) {
+                report.tets = measure_tets(result.tets);
+            }
+        },
+        [&] {
+            if (!result.tets.tets.empty()) {
+                report.worst = worst_tets(result.tets);
+            }
+        },
+        [&] { report.output_to_input = measure_deviation(result.surface, prepared.cleaned, run); },
+        [&] { report.input_to_output = measure_deviation(prepared.cleaned, result.surface, run); });
     report.volume_change = relative_change(prepared.facts.volume, report.after.volume);
     report.area_change = relative_change(report.before.area, report.after.area);
     report.input = std::move(prepared.facts);
@@ -144,8 +160,8 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
 
 // The paper's steps. Nothing if more tets than max_tets would come out; `tets` says how many.
 std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
-                                    const RemeshOptions& options, StageClock& clock,
-                                    RunContext& run, double& tets) {
+                                    const std::vector<double>& sizes, const RemeshOptions& options,
+                                    StageClock& clock, RunContext& run, double& tets) {
     const double most = options.max_tets ? static_cast<double>(*options.max_tets)
                                          : std::numeric_limits<double>::infinity();
     RemeshResult result;
@@ -166,7 +182,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     const FeatureSet features = find_features(prepared, h, options.features, run);
 
     clock.enter(Stage::Sizing);
-    const auto sizing = build_sizing_field(domain, features, h, options.sizing, run);
+    const auto sizing =
+        build_sizing_field(domain, features, h, options.sizing, run, {&input, sizes});
 
     clock.enter(Stage::Seed);
     Particles particles = seed_surface(domain, features, *sizing, options.seed, run);
@@ -184,6 +201,14 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
 
     clock.enter(Stage::Tetrahedralize);
     auto delaunay = tetrahedralize(particles.position, run);
+    for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
+        clock.enter(Stage::Relax);
+        auto populated = control_population(particles, delaunay, domain, *sizing, run);
+        particles =
+            relax_volume(populated.particles, domain, *sizing, options.relax, run).particles;
+        clock.enter(Stage::Tetrahedralize);
+        delaunay = tetrahedralize(particles.position, run);
+    }
 
     clock.enter(Stage::Carve);
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
@@ -206,8 +231,12 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     }
 
     clock.enter(Stage::Verify);
-    require_valid(improved.mesh, run);
-    result.surface = boundary_surface(improved.mesh);
+    tbb::parallel_invoke([&] { require_valid(improved.mesh, run); },
+                         [&] { result.surface = boundary_surface(improved.mesh); });
+    if (options.sizing.return_field) {
+        result.surface_sizes = sizes_at(result.surface.vertices, *sizing, run);
+        result.tet_sizes = sizes_at(improved.mesh.vertices, *sizing, run);
+    }
     if (options.tetrahedra) {
         result.tets = std::move(improved.mesh);
     }
@@ -221,14 +250,15 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
 
 }  // namespace
 
-RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run) {
+RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run,
+                          const std::vector<double>& sizes) {
     validate(options);
     StageClock clock(run);
     const double asked = options.edge_length ? *options.edge_length : suggest_edge_length(input);
     double h = asked;
     for (int attempt = 0; attempt < kMaxCoarsenings; ++attempt) {
         double tets = 0.0;
-        if (auto result = mesh_at(h, input, options, clock, run, tets)) {
+        if (auto result = mesh_at(h, input, sizes, options, clock, run, tets)) {
             if (h > asked) {
                 result->report.coarsened_from = asked;
                 run.warn({"COARSENED",
@@ -259,6 +289,7 @@ void validate(const RemeshOptions& options) {
     validate(options.sizing, options.edge_length);
     validate(options.seed);
     validate(options.relax);
+    validate(options.population);
     validate(options.carve);
     validate(options.improve);
     validate(options.bounds, options.tetrahedra);

@@ -10,6 +10,7 @@
 #include "core/stages/carve.h"
 #include "core/stages/features.h"
 #include "core/stages/improve.h"
+#include "core/stages/populate.h"
 #include "core/stages/prepare.h"
 #include "core/stages/relax.h"
 #include "core/stages/report.h"
@@ -27,6 +28,7 @@ struct RemeshOptions {
     SizingOptions sizing{};
     SeedOptions seed{};
     RelaxOptions relax{};
+    PopulationOptions population{};
     CarveOptions carve{};
     ImproveOptions improve{};
     BoundOptions bounds{};  ///< Checked in the report; a result that breaks them is returned too.
@@ -35,8 +37,10 @@ struct RemeshOptions {
 };
 
 struct RemeshResult {
-    SurfaceMesh surface{};     ///< Closed, manifold, free of self-intersections, facing outward.
-    TetMesh tets{};            ///< Empty for a surface-only run.
+    SurfaceMesh surface{};  ///< Closed, manifold, free of self-intersections, facing outward.
+    TetMesh tets{};         ///< Empty for a surface-only run.
+    std::vector<double> surface_sizes{};  ///< h(x) at the vertices of each, if asked for.
+    std::vector<double> tet_sizes{};
     double edge_length = 0.0;  ///< That was asked for or chosen, raised where max_tets wanted it.
     QualityReport report{};
 };
@@ -44,8 +48,10 @@ struct RemeshResult {
 /// Remeshes any triangles: the paper's steps in order. Same input, options and build give the same
 /// bytes for any number of threads; runs in the present TBB arena.
 ///
+/// \param sizes  #V wanted edge lengths at the input's vertices, if options.sizing.vertex_field
 /// \throws Error with every code but TooLarge's cousins documented at the stages
-RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run);
+RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run,
+                          const std::vector<double>& sizes = {});
 
 /// Checks every option of every stage.
 /// \throws Error{InvalidInput} naming the field, its range and the value

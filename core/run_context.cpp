@@ -96,6 +96,11 @@ void RunContext::sample(ConvergenceSample sample) {
     }
 }
 
+void RunContext::resume(const std::vector<ConvergenceSample>& samples) {
+    samples_.insert(samples_.end(), samples.begin(), samples.end());
+    iteration_ += static_cast<int>(samples.size());
+}
+
 void RunContext::warn(Warning warning) {
     if (sink_) {
         sink_(std::move(warning));

@@ -17,6 +17,8 @@
 
 namespace remesh {
 
+class RunState;
+
 /// The steps of a run, in order.
 enum class Stage {
     Read,
@@ -109,6 +111,14 @@ public:
     /// of it.
     [[nodiscard]] bool wants_preview();
 
+    /// Keeps the state of relaxations in `state`, which outlives the run, and goes on from what it
+    /// has of an earlier run. To be called before the run starts.
+    void keep_state(RunState& state) { state_ = &state; }
+    /// Null unless the state is to be kept.
+    [[nodiscard]] RunState* state() const noexcept { return state_; }
+    /// Takes up samples of an earlier run that went before; watchers have seen them.
+    void resume(const std::vector<ConvergenceSample>& samples);
+
     /// \throws Error{Cancelled} if the caller asked to stop
     void checkpoint() const;
     [[nodiscard]] bool stop_requested() const noexcept { return stop_.stop_requested(); }
@@ -121,6 +131,7 @@ public:
 private:
     std::stop_token stop_;
     Sink sink_;
+    RunState* state_ = nullptr;
     Stage stage_ = Stage::Read;
     double run_fraction_ = 0.0;
     int iteration_ = 0;

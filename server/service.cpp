@@ -1,6 +1,5 @@
 #include "server/service.h"
 
-#include <charconv>
 #include <utility>
 
 #include "server/artifact_service.h"
@@ -34,15 +33,6 @@ void check_request_id(const std::string& id) {
     if (id.size() > kMaxRequestId) {
         refuse("request_id", "must have at most 128 characters, got " + std::to_string(id.size()));
     }
-}
-
-std::int64_t page_of(const std::string& token) {
-    std::int64_t before = 0;
-    const auto [end, error] = std::from_chars(token.data(), token.data() + token.size(), before);
-    if (error != std::errc{} || end != token.data() + token.size() || before < 1) {
-        refuse("page_token", "must be one that the server gave");
-    }
-    return before;
 }
 
 }  // namespace
@@ -114,14 +104,17 @@ v1::ListJobsResponse JobService::list(const std::string& tenant,
         query.states.push_back(to_core(static_cast<v1::Job::State>(state)));
     }
     if (!request.page_token().empty()) {
-        query.before = page_of(request.page_token());
+        query.before = page_tokens_.open(tenant, request.page_token());
+        if (!query.before) {
+            refuse("page_token", "must be one that the server gave since it started");
+        }
     }
     query.limit = size + 1;  // one more tells whether there is a next page
     auto jobs = registry_.list(query);
     v1::ListJobsResponse reply;
     if (jobs.size() > size) {
         jobs.resize(size);
-        reply.set_next_page_token(std::to_string(jobs.back().job.number));
+        reply.set_next_page_token(page_tokens_.seal(tenant, jobs.back().job.number));
     }
     for (const JobView& job : jobs) {
         *reply.add_jobs() = to_proto(job);

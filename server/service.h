@@ -7,6 +7,7 @@
 #include "server/auth/gate.h"
 #include "server/executor.h"
 #include "server/jobs/registry.h"
+#include "server/page_tokens.h"
 #include "server/queue_watch.h"
 #include "server/watch_stream.h"
 
@@ -49,6 +50,7 @@ private:
     WatchHub& watches_;
     QueueHub& queue_watches_;
     Executor& executor_;
+    const PageTokens page_tokens_;
 };
 
 /// What CapabilityService tells besides the engine's formats and defaults.

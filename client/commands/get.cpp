@@ -23,7 +23,9 @@ const v1::Output& chosen_output(const v1::Job& job, const GetArguments& argument
                                 const std::string& target) {
     if (!arguments.kind.empty()) {
         v1::Output::Kind kind = v1::Output::KIND_UNSPECIFIED;
-        for (const v1::Output& output : job.result().outputs()) {
+        for (const v1::Output& output : job.state() == v1::Job::STATE_FAILED
+                                            ? job.failure().outputs()
+                                            : job.result().outputs()) {
             if (kind_word(output.kind()) == arguments.kind) {
                 kind = output.kind();
             }
@@ -41,7 +43,9 @@ ExitCode get(const GetArguments& arguments, Session& session) {
         throw Failure(ExitCode::BadInput, fmt::format("the job is still {}: follow it with watch",
                                                       state_word(job.state())));
     }
-    require_success(job);
+    if (job.failure().outputs().empty()) {
+        require_success(job);
+    }
     std::vector<Delivery> deliveries;
     for (const std::string& target : arguments.targets) {
         deliveries.push_back({chosen_output(job, arguments, target), target});

@@ -146,6 +146,9 @@ void finish(Task& task, const RunArguments& arguments, Session& session) {
     }
     tell_warnings(task, session);
     if (task.job.state() != v1::Job::STATE_SUCCEEDED) {
+        if (!arguments.report.empty() && !task.job.failure().outputs().empty()) {
+            deliver(server, {{output_of(task.job, v1::Output::KIND_REPORT), arguments.report}});
+        }
         return;
     }
     for (const PlannedFile& file : task.planned) {

@@ -46,11 +46,13 @@ public:
     }
 
     /// Whether `conflicts(j, squared_distance, mean_h)` holds for some point j, numbered as added,
-    /// within reach * mean_h.
+    /// within reach * mean_h whose h is neither less than a quarter nor more than four times `h`:
+    /// others can't be that near where h is 0.5-Lipschitz.
     template <typename Conflicts>
     [[nodiscard]] bool has_conflict(const Vec3& x, double h, Conflicts conflicts) const {
         for (std::size_t level = 0; level < level_h_.size(); ++level) {
-            if (count_[level] != 0 && has_conflict_on(level, x, h, conflicts)) {
+            const bool is_far = level_h_[level] < 0.25 * h || level_h_[level] > 8.0 * h;
+            if (count_[level] != 0 && !is_far && has_conflict_on(level, x, h, conflicts)) {
                 return true;
             }
         }

@@ -55,18 +55,24 @@ std::string_view without_mark(std::string_view bytes) {
 }
 
 ReadResult read_plain(std::string_view bytes, std::string_view name_hint, const ReadLimits& limits,
-                      io::InflateBudget& budget) {
+                      std::string_view size_field, io::InflateBudget& budget) {
     if (bytes.empty()) {
         throw Error(ErrorCode::InvalidInput, "the file is empty");
     }
     const MeshFormat format = io::detect_format(bytes, name_hint);
+    if (!size_field.empty() && format != MeshFormat::Ply && format != MeshFormat::Vtp &&
+        format != MeshFormat::Vtk) {
+        throw Error(ErrorCode::Unsupported,
+                    "sizes at vertices are read from PLY, VTP and VTK files, not from " +
+                        std::string(format_name(format)));
+    }
     switch (format) {
         case MeshFormat::Stl: return io::read_stl(bytes, limits);
-        case MeshFormat::Ply: return io::read_ply(bytes, limits);
+        case MeshFormat::Ply: return io::read_ply(bytes, limits, size_field);
         case MeshFormat::Off: return io::read_off(bytes, limits);
         case MeshFormat::Obj: return io::read_obj(bytes, limits);
-        case MeshFormat::Vtp: return io::read_vtp(bytes, limits, budget);
-        case MeshFormat::Vtk: return io::read_vtk(bytes, limits);
+        case MeshFormat::Vtp: return io::read_vtp(bytes, limits, size_field, budget);
+        case MeshFormat::Vtk: return io::read_vtk(bytes, limits, size_field);
         case MeshFormat::Gifti: return io::read_gifti(bytes, limits, budget);
         case MeshFormat::Vtu:
         case MeshFormat::Medit:
@@ -79,7 +85,7 @@ ReadResult read_plain(std::string_view bytes, std::string_view name_hint, const 
 }  // namespace
 
 ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
-                        const ReadLimits& limits) {
+                        const ReadLimits& limits, std::string_view size_field) {
     if (bytes.size() > limits.max_bytes) {
         throw Error(ErrorCode::TooLarge,
                     "the file has " + io::grouped(bytes.size()) + " bytes, more than the " +
@@ -88,7 +94,7 @@ ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
     }
     io::InflateBudget budget(bytes.size(), limits);
     if (!io::is_gzip(bytes)) {
-        return read_plain(without_mark(bytes), name_hint, limits, budget);
+        return read_plain(without_mark(bytes), name_hint, limits, size_field, budget);
     }
     // Tells what it is before anything large is inflated.
     constexpr std::size_t kHead = 4096;
@@ -97,17 +103,18 @@ ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
     if (io::is_gzip(plain)) {
         throw Error(ErrorCode::InvalidInput, "the file is gzipped twice");
     }
-    return read_plain(without_mark(plain), name_hint, limits, budget);
+    return read_plain(without_mark(plain), name_hint, limits, size_field, budget);
 }
 
-void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& out) {
+void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& out,
+                   const std::vector<double>& sizes) {
     switch (format) {
         case MeshFormat::Stl: return io::write_stl(surface, out);
-        case MeshFormat::Ply: return io::write_ply(surface, out);
+        case MeshFormat::Ply: return io::write_ply(surface, out, sizes);
         case MeshFormat::Off: return io::write_off(surface, out);
         case MeshFormat::Obj: return io::write_obj(surface, out);
-        case MeshFormat::Vtp: return io::write_vtp(surface, out);
-        case MeshFormat::Vtk: return io::write_vtk(surface, out);
+        case MeshFormat::Vtp: return io::write_vtp(surface, out, sizes);
+        case MeshFormat::Vtk: return io::write_vtk(surface, out, sizes);
         case MeshFormat::Gifti:
         case MeshFormat::Vtu:
         case MeshFormat::Medit:
@@ -117,10 +124,11 @@ void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& 
     refuse_to_write(format, "a surface");
 }
 
-void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out) {
+void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out,
+                const std::vector<double>& sizes) {
     switch (format) {
-        case MeshFormat::Vtk: return io::write_vtk(mesh, out);
-        case MeshFormat::Vtu: return io::write_vtu(mesh, out);
+        case MeshFormat::Vtk: return io::write_vtk(mesh, out, sizes);
+        case MeshFormat::Vtu: return io::write_vtu(mesh, out, sizes);
         case MeshFormat::Medit: return io::write_medit(mesh, out);
         case MeshFormat::Msh41: return io::write_msh41(mesh, out);
         case MeshFormat::Msh22: return io::write_msh22(mesh, out);

@@ -23,7 +23,8 @@ struct ReadLimits {
 };
 
 struct ReadResult {
-    SurfaceMesh mesh{};  ///< As in the file: nothing welded, polygons split to fans.
+    SurfaceMesh mesh{};           ///< As in the file: nothing welded, polygons split to fans.
+    std::vector<double> sizes{};  ///< #V wanted edge lengths, if a size_field was named; NaN: none.
     MeshFormat format = MeshFormat::Stl;
     std::vector<std::string>
         warnings{};  ///< E.g. "STL: coordinates that aren't finite in 3 triangles".
@@ -39,27 +40,34 @@ struct ReadResult {
 /// isn't a numbering of the cells. There are none unless at least two are told apart; they're
 /// numbered from 0 without gaps.
 ///
+/// \param size_field  name of a scalar per vertex that is read as `sizes`, or empty: a vertex
+/// property of PLY, a point array of one component of VTP and VTK. What isn't greater than 0 is no
+/// wish
+/// \throws Error{InvalidInput} if there is no such scalar
+/// \throws Error{Unsupported} for a size_field in another format
 /// \throws Error{InvalidInput} saying what is wrong and where ("STL says 4,000,000 triangles but
 /// holds 498")
 /// \throws Error{Unsupported} for a known format that holds no surface we can read (a NIfTI label
 /// map, a ZIP)
 /// \throws Error{TooLarge} if a limit would be passed
 ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
-                        const ReadLimits& limits = {});
+                        const ReadLimits& limits = {}, std::string_view size_field = {});
 
 /// Writes a surface: Stl (binary), Ply (binary), Off, Obj, Vtp (zlib, inline base64), Vtk (legacy,
 /// binary). Patches go to OBJ groups, STL is one solid, VTP and VTK cell data "patch", PLY a face
-/// property. Whether all could be written is told by the state of `out`.
-/// \throws Error{Unsupported} for another format
-/// \throws Error{InvalidInput} for coordinates beyond single precision in STL
-void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& out);
+/// property. Sizes are point data "h" of VTP, VTK and VTU and a vertex property "h" of PLY. Whether
+/// all could be written is told by the state of `out`. \throws Error{Unsupported} for another
+/// format \throws Error{InvalidInput} for coordinates beyond single precision in STL
+void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& out,
+                   const std::vector<double>& sizes = {});
 
 /// Writes tets: Vtu (zlib, appended or inline base64), Vtk (legacy, binary), Medit (.mesh, ASCII,
 /// with boundary triangles), Msh41 and Msh22 (gmsh ASCII, physical names, with boundary triangles).
 /// The label of a boundary triangle is the region that it bounds.
 /// \throws Error{Unsupported} for another format
 /// \throws Error{InvalidInput} for a region below 1 in Medit, Msh41 and Msh22
-void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out);
+void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out,
+                const std::vector<double>& sizes = {});
 
 /// By extension (".gz" ignored), any case; nothing for an unknown one. ".msh" is Msh41.
 [[nodiscard]] std::optional<MeshFormat> format_of_name(std::string_view file_name);

@@ -212,9 +212,10 @@ private:
 template <typename Values>
 class BodyReader {
 public:
-    BodyReader(Header header, Values values, const ReadLimits& limits)
+    BodyReader(Header header, Values values, const ReadLimits& limits, std::string_view size_field)
         : header_(std::move(header)),
           values_(std::move(values)),
+          size_field_(size_field),
           builder_(MeshFormat::Ply, "PLY", limits) {}
 
     ReadResult read() {
@@ -233,6 +234,9 @@ public:
             }
         }
         builder_.name_patches(header_.patch_names);
+        if (!size_field_.empty()) {
+            builder_.set_sizes(std::move(sizes_), size_field_);
+        }
         return builder_.finish();
     }
 
@@ -271,12 +275,18 @@ private:
                 const auto axis = std::find(where.begin(), where.end(), p) - where.begin();
                 if (axis < 3) {
                     position[axis] = values_.real(properties[p].type);
+                } else if (is_size(properties[p])) {
+                    sizes_.push_back(values_.real(properties[p].type));
                 } else {
                     skip(properties[p]);
                 }
             }
             builder_.add_vertex(position);
         }
+    }
+
+    [[nodiscard]] bool is_size(const Property& property) const {
+        return !size_field_.empty() && property.name == size_field_ && !property.count_type;
     }
 
     void read_faces(const Element& element) {
@@ -336,28 +346,26 @@ private:
 
     Header header_;
     Values values_;
+    std::string_view size_field_;
     SurfaceBuilder builder_;
+    std::vector<double> sizes_{};
     std::vector<std::int64_t> corners_{};
     std::int64_t face_ = 0;  // Counted from 1; 0 before the faces.
 };
 
 }  // namespace
 
-ReadResult read_ply(std::string_view bytes, const ReadLimits& limits) {
+ReadResult read_ply(std::string_view bytes, const ReadLimits& limits, std::string_view size_field) {
     Header header = HeaderReader(bytes).read();
     const std::string_view data = header.data;
-    switch (header.encoding) {
-        case Encoding::Ascii:
-            return BodyReader(std::move(header), AsciiValues(bytes, bytes.size() - data.size()),
-                              limits)
-                .read();
-        case Encoding::LittleEndian:
-            return BodyReader(std::move(header), BinaryValues(data, must_swap(std::endian::little)),
-                              limits)
-                .read();
-        case Encoding::BigEndian: break;
+    if (header.encoding == Encoding::Ascii) {
+        return BodyReader(std::move(header), AsciiValues(bytes, bytes.size() - data.size()), limits,
+                          size_field)
+            .read();
     }
-    return BodyReader(std::move(header), BinaryValues(data, must_swap(std::endian::big)), limits)
+    const std::endian order =
+        header.encoding == Encoding::LittleEndian ? std::endian::little : std::endian::big;
+    return BodyReader(std::move(header), BinaryValues(data, must_swap(order)), limits, size_field)
         .read();
 }
 

@@ -48,8 +48,8 @@ std::optional<NumberType> number_type(std::string_view word) {
 
 class VtkReader {
 public:
-    VtkReader(std::string_view bytes, const ReadLimits& limits)
-        : text_(bytes, "VTK"), builder_(MeshFormat::Vtk, "VTK", limits) {}
+    VtkReader(std::string_view bytes, const ReadLimits& limits, std::string_view size_field)
+        : text_(bytes, "VTK"), builder_(MeshFormat::Vtk, "VTK", limits), size_field_(size_field) {}
 
     ReadResult read() {
         read_header();
@@ -66,6 +66,9 @@ public:
         }
         piece_.labels = std::move(labels_);
         add_piece(piece_, "VTK", builder_);
+        if (!size_field_.empty()) {
+            builder_.set_sizes(std::move(sizes_), size_field_);
+        }
         return builder_.finish();
     }
 
@@ -193,9 +196,16 @@ private:
         return true;
     }
 
-    // Keeps integers of cells that may be patches, skips all else.
+    // Keeps integers of cells that may be patches and the sizes of points, skips all else.
     bool keep_or_skip(const std::string& name, std::int64_t tuples, std::int64_t components,
                       NumberType type) {
+        const auto points = static_cast<std::int64_t>(piece_.points.size() / 3);
+        if (!in_cell_data_ && !size_field_.empty() && name == size_field_ && components == 1 &&
+            tuples == points) {
+            check_room(name, tuples, size_of(type));
+            sizes_ = reals(tuples, type);
+            return true;
+        }
         const bool is_patch = same_word(name, "patch");
         if (!in_cell_data_ || components != 1 || name.starts_with("vtk") || has_patch_ ||
             !(is_patch || (is_integer(type) && labels_.empty()))) {
@@ -320,6 +330,8 @@ private:
     TextReader text_;
     SurfaceBuilder builder_;
     VtkPiece piece_{};
+    std::string_view size_field_;
+    std::vector<double> sizes_{};
     std::vector<std::int64_t> labels_{};
     bool has_patch_ = false;
     bool is_binary_ = false;
@@ -329,8 +341,8 @@ private:
 
 }  // namespace
 
-ReadResult read_vtk(std::string_view bytes, const ReadLimits& limits) {
-    return VtkReader(bytes, limits).read();
+ReadResult read_vtk(std::string_view bytes, const ReadLimits& limits, std::string_view size_field) {
+    return VtkReader(bytes, limits, size_field).read();
 }
 
 }  // namespace remesh::io

@@ -49,8 +49,10 @@ pugi::xml_node named_array(const pugi::xml_node& parent, const char* name) {
 
 class VtpReader {
 public:
-    VtpReader(const pugi::xml_node& root, VtkXmlArrays arrays, const ReadLimits& limits)
+    VtpReader(const pugi::xml_node& root, VtkXmlArrays arrays, const ReadLimits& limits,
+              std::string_view size_field)
         : data_(root.child("PolyData")),
+          size_field_(size_field),
           arrays_(arrays),
           builder_(MeshFormat::Vtp, kName, limits) {}
 
@@ -59,6 +61,9 @@ public:
             add_piece(read_piece(piece), kName, builder_);
         }
         builder_.name_patches(read_patch_names());
+        if (!size_field_.empty()) {
+            builder_.set_sizes(std::move(sizes_), size_field_);
+        }
         return builder_.finish();
     }
 
@@ -83,7 +88,19 @@ private:
         piece.strips = read_cells(node.child("Strips"), declared(node, "NumberOfStrips"));
         piece.other_cells = declared(node, "NumberOfVerts") + declared(node, "NumberOfLines");
         piece.labels = read_labels(node.child("CellData"));
+        read_sizes(node.child("PointData"));
         return piece;
+    }
+
+    void read_sizes(const pugi::xml_node& point_data) {
+        for (const auto& array : point_data.children("DataArray")) {
+            if (!size_field_.empty() && array.attribute("Name").value() == size_field_ &&
+                count_attribute(array, "NumberOfComponents", kName, 1) == 1) {
+                const auto sizes = arrays_.reals(array);
+                sizes_.insert(sizes_.end(), sizes.begin(), sizes.end());
+                return;
+            }
+        }
     }
 
     VtkCells read_cells(const pugi::xml_node& node, std::int64_t count) {
@@ -140,13 +157,16 @@ private:
     }
 
     pugi::xml_node data_;
+    std::string_view size_field_;
+    std::vector<double> sizes_{};
     VtkXmlArrays arrays_;
     SurfaceBuilder builder_;
 };
 
 }  // namespace
 
-ReadResult read_vtp(std::string_view bytes, const ReadLimits& limits, InflateBudget& budget) {
+ReadResult read_vtp(std::string_view bytes, const ReadLimits& limits, std::string_view size_field,
+                    InflateBudget& budget) {
     const Halves halves = split(bytes);
     pugi::xml_document document;
     parse_xml(halves.xml, kName, document);
@@ -156,7 +176,8 @@ ReadResult read_vtp(std::string_view bytes, const ReadLimits& limits, InflateBud
         throw Error(ErrorCode::Unsupported, "VTK XML: the file holds " + quoted(type) +
                                                 "; only PolyData, a surface, is read");
     }
-    return VtpReader(root, VtkXmlArrays(root, halves.appended, halves.is_base64, budget), limits)
+    return VtpReader(root, VtkXmlArrays(root, halves.appended, halves.is_base64, budget), limits,
+                     size_field)
         .read();
 }
 

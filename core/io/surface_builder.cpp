@@ -1,10 +1,12 @@
 #include "core/io/surface_builder.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "core/error.h"
 #include "core/io/numbers.h"
+#include "core/io/text_reader.h"
 
 namespace remesh::io {
 namespace {
@@ -40,6 +42,21 @@ std::int64_t SurfaceBuilder::vertex_count() const {
 
 std::int64_t SurfaceBuilder::triangle_count() const {
     return static_cast<std::int64_t>(result_.mesh.triangles.size());
+}
+
+void SurfaceBuilder::set_sizes(std::vector<double> sizes, std::string_view field) {
+    if (sizes.size() != result_.mesh.vertices.size()) {
+        throw Error(ErrorCode::InvalidInput,
+                    name_ + ": " + (sizes.empty() ? "no" : grouped(sizes.size())) +
+                        " values of a scalar " + quoted(field) + " for " +
+                        grouped(result_.mesh.vertices.size()) + " vertices");
+    }
+    for (double& size : sizes) {
+        if (!(size > 0.0 && std::isfinite(size))) {
+            size = std::numeric_limits<double>::quiet_NaN();
+        }
+    }
+    result_.sizes = std::move(sizes);
 }
 
 void SurfaceBuilder::add_face(std::span<const std::int64_t> corners) {

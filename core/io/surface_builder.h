@@ -31,6 +31,10 @@ public:
     void add_face(std::span<const std::int64_t> corners);
     void add_strip(std::span<const std::int64_t> corners);
 
+    /// Sizes of all vertices; what isn't greater than 0 and finite is no wish.
+    /// \throws Error{InvalidInput} if there aren't as many as vertices
+    void set_sizes(std::vector<double> sizes, std::string_view field);
+
     /// Faces added from now on belong to this patch. A reader uses names or numbers, not both.
     void begin_patch(std::string_view name);
     void begin_patch(std::int32_t id) { patch_ = id; }

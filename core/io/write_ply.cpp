@@ -7,7 +7,7 @@
 namespace remesh::io {
 
 // In double precision, so that the file holds the very surface that was checked.
-void write_ply(const SurfaceMesh& surface, std::ostream& out) {
+void write_ply(const SurfaceMesh& surface, std::ostream& out, const std::vector<double>& sizes) {
     constexpr bool kSwap = must_swap(std::endian::little);
     const bool has_patches = !surface.patch.empty();
     Output output(out);
@@ -18,13 +18,17 @@ void write_ply(const SurfaceMesh& surface, std::ostream& out) {
         }
     }
     output << "element vertex " << surface.vertices.size()
-           << "\nproperty double x\nproperty double y\nproperty double z\nelement face "
+           << "\nproperty double x\nproperty double y\nproperty double z\n"
+           << (sizes.empty() ? "" : "property double h\n") << "element face "
            << surface.triangles.size() << "\nproperty list uchar int vertex_indices\n"
            << (has_patches ? "property int patch\n" : "") << "end_header\n";
-    for (const auto& v : surface.vertices) {
-        output.put(v.x(), kSwap);
-        output.put(v.y(), kSwap);
-        output.put(v.z(), kSwap);
+    for (std::size_t i = 0; i < surface.vertices.size(); ++i) {
+        for (const double coordinate : surface.vertices[i]) {
+            output.put(coordinate, kSwap);
+        }
+        if (!sizes.empty()) {
+            output.put(sizes[i], kSwap);
+        }
     }
     for (std::size_t t = 0; t < surface.triangles.size(); ++t) {
         output.put(std::uint8_t{3}, kSwap);

@@ -48,18 +48,30 @@ void write_labels(const std::vector<std::int32_t>& labels, std::string_view name
     output << '\n';
 }
 
+void write_sizes(const std::vector<double>& sizes, Output& output) {
+    if (sizes.empty()) {
+        return;
+    }
+    output << "POINT_DATA " << sizes.size() << "\nSCALARS h double 1\nLOOKUP_TABLE default\n";
+    for (const double size : sizes) {
+        output.put(size, kSwap);
+    }
+    output << '\n';
+}
+
 }  // namespace
 
-void write_vtk(const SurfaceMesh& surface, std::ostream& out) {
+void write_vtk(const SurfaceMesh& surface, std::ostream& out, const std::vector<double>& sizes) {
     Output output(out);
     write_head(surface.vertices, "POLYDATA", output);
     write_cells(surface.triangles, "POLYGONS", output);
     if (!surface.patch.empty()) {
         write_labels(surface.patch, "patch", output);
     }
+    write_sizes(sizes, output);
 }
 
-void write_vtk(const TetMesh& mesh, std::ostream& out) {
+void write_vtk(const TetMesh& mesh, std::ostream& out, const std::vector<double>& sizes) {
     constexpr std::int32_t kTetra = 10;
     Output output(out);
     write_head(mesh.vertices, "UNSTRUCTURED_GRID", output);
@@ -72,6 +84,7 @@ void write_vtk(const TetMesh& mesh, std::ostream& out) {
     if (!mesh.region.empty()) {
         write_labels(mesh.region, "region", output);
     }
+    write_sizes(sizes, output);
 }
 
 }  // namespace remesh::io

@@ -147,6 +147,19 @@ void write_labels(const std::vector<std::int32_t>& labels, std::string_view name
     output << "</CellData>\n";
 }
 
+void write_sizes(const std::vector<double>& sizes, Output& output) {
+    if (sizes.empty()) {
+        return;
+    }
+    output << "<PointData Scalars=\"h\">\n";
+    write_array("Float64", "h", 1, output, [&](CompressedArray& array) {
+        for (const double size : sizes) {
+            array.put(size);
+        }
+    });
+    output << "</PointData>\n";
+}
+
 // A string array stands in the file as the codes of its characters, each string ended by a 0.
 void write_patch_names(const SurfaceMesh& surface, Output& output) {
     if (surface.patch_names.empty() || surface.patch.empty()) {
@@ -165,13 +178,14 @@ void write_patch_names(const SurfaceMesh& surface, Output& output) {
 
 }  // namespace
 
-void write_vtp(const SurfaceMesh& surface, std::ostream& out) {
+void write_vtp(const SurfaceMesh& surface, std::ostream& out, const std::vector<double>& sizes) {
     Output output(out);
     write_head("PolyData", output);
     write_patch_names(surface, output);
     output << "<Piece NumberOfPoints=\"" << surface.vertices.size()
            << "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\""
            << surface.triangles.size() << "\">\n";
+    write_sizes(sizes, output);
     write_points(surface.vertices, output);
     output << "<Polys>\n";
     write_cells(surface.triangles, output);
@@ -180,12 +194,13 @@ void write_vtp(const SurfaceMesh& surface, std::ostream& out) {
     output << "</Piece>\n</PolyData>\n</VTKFile>\n";
 }
 
-void write_vtu(const TetMesh& mesh, std::ostream& out) {
+void write_vtu(const TetMesh& mesh, std::ostream& out, const std::vector<double>& sizes) {
     constexpr std::uint8_t kTetra = 10;
     Output output(out);
     write_head("UnstructuredGrid", output);
     output << "<Piece NumberOfPoints=\"" << mesh.vertices.size() << "\" NumberOfCells=\""
            << mesh.tets.size() << "\">\n";
+    write_sizes(sizes, output);
     write_points(mesh.vertices, output);
     output << "<Cells>\n";
     write_cells(mesh.tets, output);

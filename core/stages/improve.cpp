@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <sstream>
 #include <utility>
 
 #include "core/error.h"
+#include "core/parallel.h"
 #include "core/stages/improve/flips.h"
 #include "core/stages/improve/measures.h"
 #include "core/stages/improve/part.h"
@@ -44,12 +46,18 @@ Plan plan_for(const ImproveOptions& options) {
 // Counts of the radius ratio, fine enough for quantiles.
 class QualityCounts {
 public:
-    void add(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-        const double q = improve::radius_ratio(a, b, c, d);
+    void add(double q) {
         const double bin = std::clamp(q, 0.0, 1.0) * kBins;
         ++bins_[std::min(static_cast<std::size_t>(bin), kBins - 1)];
         sum_ += q;
         ++count_;
+    }
+
+    void add(const QualityCounts& other) {
+        std::transform(bins_.begin(), bins_.end(), other.bins_.begin(), bins_.begin(),
+                       std::plus<>());
+        sum_ += other.sum_;
+        count_ += other.count_;
     }
 
     [[nodiscard]] QualitySample sample() const {
@@ -78,6 +86,26 @@ private:
     std::int64_t count_ = 0;
 };
 
+// Of those of n tets that `tet_at` gives.
+template <typename TetAt, typename PointAt>
+QualityCounts count_quality(std::size_t n, TetAt tet_at, PointAt point) {
+    return tbb::parallel_deterministic_reduce(
+        tbb::blocked_range<std::size_t>(0, n, 16 * kGrain), QualityCounts{},
+        [&](const tbb::blocked_range<std::size_t>& rows, QualityCounts counts) {
+            for (std::size_t i = rows.begin(); i != rows.end(); ++i) {
+                if (const Tet* tet = tet_at(i)) {
+                    const auto& [a, b, c, d] = *tet;
+                    counts.add(improve::radius_ratio(point(a), point(b), point(c), point(d)));
+                }
+            }
+            return counts;
+        },
+        [](QualityCounts a, const QualityCounts& b) {
+            a.add(b);
+            return a;
+        });
+}
+
 // One round: from the carved mesh to an improved part of it.
 class Round {
 public:
@@ -89,16 +117,11 @@ public:
           options_(options),
           plan_(plan_for(options)),
           run_(run),
-          part_(improve::cut_part(carved, anchor, frozen, options.flip_below)) {
-        const auto& points = carved.mesh.vertices;
-        for (std::size_t t = 0; t < carved.mesh.tets.size(); ++t) {
-            if (!part_.is_inside[t]) {
-                const auto& tet = carved.mesh.tets[t];
-                untouched_.add(points[at(tet[0])], points[at(tet[1])], points[at(tet[2])],
-                               points[at(tet[3])]);
-            }
-        }
-    }
+          part_(improve::cut_part(carved, anchor, frozen, options.flip_below, run)),
+          untouched_(count_quality(
+              carved.mesh.tets.size(),
+              [&](std::size_t t) { return part_.is_inside[t] ? nullptr : &carved.mesh.tets[t]; },
+              [&](Index v) -> const Vec3& { return carved.mesh.vertices[at(v)]; })) {}
 
     void run() {
         const int steps = options_.passes + plan_.worst_first_passes;
@@ -146,15 +169,12 @@ private:
     }
 
     void tell(const improve::SmoothResult& smoothed, double fraction) {
-        QualityCounts counts = untouched_;
         const auto& mesh = part_.mesh;
-        for (std::size_t t = 0; t < mesh.slot_count(); ++t) {
-            if (mesh.is_alive(index(t))) {
-                const auto& tet = mesh.tet(index(t));
-                counts.add(mesh.point(tet[0]), mesh.point(tet[1]), mesh.point(tet[2]),
-                           mesh.point(tet[3]));
-            }
-        }
+        QualityCounts counts = count_quality(
+            mesh.slot_count(),
+            [&](std::size_t t) { return mesh.is_alive(index(t)) ? &mesh.tet(index(t)) : nullptr; },
+            [&](Index v) -> const Vec3& { return mesh.point(v); });
+        counts.add(untouched_);
         ConvergenceSample sample;
         sample.max_displacement = smoothed.max_move;
         sample.rms_displacement = std::sqrt(

@@ -14,15 +14,16 @@
 namespace remesh {
 namespace {
 
-constexpr double kCurveCutoff = 2.0;         // rc over h: reaches the next particle only.
-constexpr double kSurfaceCutoff = 1.33;      // Beyond the first ring of neighbours.
-constexpr double kVolumeCutoff = 1.14;       // Between the shells; from 1.3 on the lattice melts.
-constexpr double kGradedVolumeCutoff = 1.2;  // Where h varies there is no lattice to keep.
-constexpr double kOpposed = -0.2;            // Cosine of normals on two sides of a thin sheet.
-constexpr double kSlide = 0.05;              // Slides this far over h before it is snapped.
-constexpr double kTooClose = 0.4;            // Surface particles closer than this times h merge.
-constexpr double kWall = 0.35;               // Volume particles stay this far over h inside.
-constexpr double kSurfaceShare = 0.7;        // Of the stage's progress.
+constexpr double kCurveCutoff = 2.0;          // rc over h: reaches the next particle only.
+constexpr double kSurfaceCutoff = 1.33;       // Beyond the first ring of neighbours.
+constexpr double kVolumeCutoff = 1.14;        // Between the shells; from 1.3 on the lattice melts.
+constexpr double kGradedVolumeCutoff = 1.09;  // Where h varies there is no lattice to keep.
+constexpr double kPlateau = 0.97;             // Of the largest h: what has more is on its lattice.
+constexpr double kOpposed = -0.2;             // Cosine of normals on two sides of a thin sheet.
+constexpr double kSlide = 0.05;               // Slides this far over h before it is snapped.
+constexpr double kTooClose = 0.4;             // Surface particles closer than this times h merge.
+constexpr double kWall = 0.4;                 // Volume particles stay this far over h inside.
+constexpr double kSurfaceShare = 0.7;         // Of the stage's progress.
 
 std::size_t at(Index i) {
     return static_cast<std::size_t>(i);
@@ -78,6 +79,8 @@ public:
     [[nodiscard]] std::int64_t surface_particles() const {
         return static_cast<std::int64_t>(particles_.size());
     }
+    void save(StateWriter& to) const { to.put(arc_); }
+    void restore(StateReader& from) { from.get_as_many(arc_); }
 
 private:
     [[nodiscard]] const CurveTrack& track(Index i) const {
@@ -126,6 +129,8 @@ public:
     [[nodiscard]] std::int64_t surface_particles() const {
         return static_cast<std::int64_t>(particles_.size());
     }
+    void save(StateWriter& to) const { to.put(slid_); }
+    void restore(StateReader& from) { from.get_as_many(slid_); }
 
 private:
     Particles& particles_;
@@ -172,6 +177,14 @@ public:
     }
     [[nodiscard]] bool are_neighbours(Index, Index) const { return true; }
     [[nodiscard]] std::int64_t surface_particles() const { return surface_particles_; }
+    void save(StateWriter& to) const {
+        to.put(clearance_);
+        to.put(facet_);
+    }
+    void restore(StateReader& from) {
+        from.get_as_many(clearance_);
+        from.get_as_many(facet_);
+    }
 
 private:
     Particles& particles_;
@@ -328,12 +341,15 @@ RelaxResult relax_volume(const Particles& particles, const Domain& domain,
     std::vector<double> clearance;
     std::vector<Index> facet;
     for (std::size_t k = 0; k < volume.size(); ++k) {
-        if (is_near[k]) {
+        const double h = moved.h[at(volume[k])];
+        // Where h varies there is no equilibrium to start from, however deep.
+        const bool is_graded = h < kPlateau * sizing.h_max();
+        if (is_near[k] || !sizing.is_uniform()) {
             present.push_back(volume[k]);
         }
-        if (distance[k] < depth * moved.h[at(volume[k])]) {
+        if (distance[k] < depth * h || is_graded) {
             moving.push_back(volume[k]);
-            clearance.push_back(distance[k]);
+            clearance.push_back(std::min(distance[k], depth * h));
             facet.push_back(guess[k]);
         }
     }

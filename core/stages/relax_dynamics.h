@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "core/error.h"
 #include "core/geometry/neighbour_grid.h"
 #include "core/geometry/particles.h"
 #include "core/geometry/sizing_field.h"
 #include "core/parallel.h"
 #include "core/run_context.h"
+#include "core/run_state.h"
 #include "core/stages/relax.h"
 
 namespace remesh {
@@ -55,6 +59,7 @@ struct SwarmState {
     int iterations = 0;
     double residual = 0.0;  ///< rms step to equilibrium over h.
     bool converged = false;
+    bool is_over = false;  ///< Nothing more to do.
 };
 
 /// Integrates M r'' + D r' = F over the particles that move, while all others stand still.
@@ -68,6 +73,7 @@ struct SwarmState {
 ///   double max_step(std::size_t k)                     longest step that is safe, model units
 ///   void moved(std::size_t k, const Vec3& step)        puts the particle where the step leads
 ///   bool are_neighbours(Index i, Index j)
+///   void save(StateWriter&), void restore(StateReader&)   what it knows of the particles that move
 template <typename Bond>
 class Swarm {
 public:
@@ -85,28 +91,33 @@ public:
           energy_(moving_.size(), 0.0),
           speed_(moving_.size(), 0.0) {}
 
-    /// Steps until the residual is below the tolerance, or `max_iterations` times.
-    /// Reports progress from `from` to `to`.
+    /// Steps until the residual is below the tolerance, or `max_iterations` times; goes on where an
+    /// earlier run was, if `run` knows of one. Reports progress from `from` to `to`.
     SwarmState relax(int max_iterations, double from, double to, RunContext& run) {
+        first_sample_ = run.samples().size();
         SwarmState state;
-        for (; state.iterations < max_iterations && !moving_.empty(); ++state.iterations) {
-            if (lists_.start.empty() || needs_lists()) {
-                list(run);
-            }
-            gather(run);
-            state.residual = residual();
-            if (state.residual < options_.tolerance) {
-                state.converged = true;
-                break;
-            }
-            step(run);
-            send_sample(state.residual, run);
-            if (run.wants_preview()) {
-                run.preview(picture());
-            }
-            run.report(from + (to - from) * (state.iterations + 1) / max_iterations);
+        if (run.state() != nullptr) {
+            restore(state, run);
         }
+        try {
+            while (!state.is_over && state.iterations < max_iterations && !moving_.empty()) {
+                iterate(state, run);
+                run.report(from + (to - from) * state.iterations / max_iterations);
+            }
+        } catch (const Error&) {
+            if (run.state() != nullptr) {
+                run.state()->keep(record(state, run));
+            }
+            throw;
+        }
+        state.is_over = true;
         state.converged = state.converged || moving_.empty();
+        if (run.state() != nullptr) {
+            lists_ = {};
+            listed_.clear();
+            velocity_.clear();
+            run.state()->finish(record(state, run));
+        }
         run.report(to);
         return state;
     }
@@ -127,6 +138,92 @@ private:
         // A pair could approach by twice this, but hardly any does, and forces vanish at the
         // cut-off.
         return farthest > kSkin * kSkin;
+    }
+
+    // Whenever it throws, `state` and the particles are those at the end of an iteration.
+    void iterate(SwarmState& state, RunContext& run) {
+        if (lists_.start.empty() || needs_lists()) {
+            lists_ = {};
+            list(run);
+        }
+        gather(run);
+        state.residual = residual();
+        if (state.residual < options_.tolerance) {
+            state.is_over = state.converged = true;
+            return;
+        }
+        step();
+        ++state.iterations;
+        send_sample(state.residual, run);
+        if (run.state() != nullptr && run.state()->is_due()) {
+            run.state()->keep(record(state, run));
+            run.state()->save();
+        }
+        if (run.wants_preview()) {
+            run.preview(picture());
+        }
+    }
+
+    /// All that the next iterations depend on, and what is told of those before.
+    [[nodiscard]] std::string record(const SwarmState& state, const RunContext& run) const {
+        StateWriter to;
+        to.put(state);
+        to.put(fire_);
+        to.put(time_);
+        to.put(std::vector(run.samples().begin() + static_cast<std::ptrdiff_t>(first_sample_),
+                           run.samples().end()));
+        Particles moving;
+        for (const Index i : moving_) {
+            moving.add(particles_.position[at(i)], particles_.kind[at(i)], particles_.anchor[at(i)],
+                       particles_.h[at(i)], particles_.normal[at(i)]);
+        }
+        to.put(moving.position);
+        to.put(moving.anchor);
+        to.put(moving.h);
+        to.put(moving.normal);
+        to.put(velocity_);
+        to.put(lists_.start);
+        to.put(lists_.index);
+        to.put(listed_);
+        bond_.save(to);
+        return to.take();
+    }
+
+    void restore(SwarmState& state, RunContext& run) {
+        const std::string_view saved = run.state()->begin();
+        if (saved.empty()) {
+            return;
+        }
+        StateReader from(saved);
+        from.get(state);
+        from.get(fire_);
+        from.get(time_);
+        std::vector<ConvergenceSample> samples;
+        from.get(samples);
+        run.resume(samples);
+        Particles moving;
+        moving.position.resize(moving_.size());
+        moving.anchor.resize(moving_.size());
+        moving.h.resize(moving_.size());
+        moving.normal.resize(moving_.size());
+        from.get_as_many(moving.position);
+        from.get_as_many(moving.anchor);
+        from.get_as_many(moving.h);
+        from.get_as_many(moving.normal);
+        for (std::size_t k = 0; k < moving_.size(); ++k) {
+            particles_.position[row(k)] = moving.position[k];
+            particles_.anchor[row(k)] = moving.anchor[k];
+            particles_.h[row(k)] = moving.h[k];
+            particles_.normal[row(k)] = moving.normal[k];
+        }
+        from.get(velocity_);
+        from.get(lists_.start);
+        from.get(lists_.index);
+        from.get(listed_);
+        bond_.restore(from);
+        if (!from.is_at_end() || (!state.is_over && velocity_.size() != moving_.size())) {
+            throw StaleState();
+        }
     }
 
     void list(const RunContext& run) {
@@ -194,27 +291,27 @@ private:
         return std::sqrt(sum / static_cast<double>(moving_.size()));
     }
 
-    void step(const RunContext& run) {
+    void step() {
         switch (options_.integrator) {
             case Integrator::DampedDynamics: {
                 // Semi-implicit in the damping, so that any damping is stable.
                 const double drag = 2.0 * options_.damping / std::sqrt(options_.mass);
-                move(run, 1.0, [&](std::size_t k) {
+                move(1.0, [&](std::size_t k) {
                     return Vec3((velocity_[k] + pull_[k] / options_.mass) / (1.0 + drag));
                 });
                 break;
             }
             case Integrator::GradientDescent:
                 // All at once: half the step that would bring each to rest alone.
-                move(run, 1.0, [&](std::size_t k) { return Vec3(0.5 * pull_[k]); });
+                move(1.0, [&](std::size_t k) { return Vec3(0.5 * pull_[k]); });
                 break;
-            case Integrator::Fire: step_fire(run); break;
+            case Integrator::Fire: step_fire(); break;
         }
     }
 
     // Bitzek et al., Structural Relaxation Made Simple, 2006, with their constants but for the time
     // step, which the scaling by stiffness makes about 1.
-    void step_fire(const RunContext& run) {
+    void step_fire() {
         const double power =
             sum_over(moving_.size(), [&](std::size_t k) { return pull_[k].dot(velocity_[k]); });
         double mixing = 0.0;
@@ -235,15 +332,16 @@ private:
         }
         const double keep = power > 0.0 ? 1.0 - fire_.alpha : 0.0;
         const double dt = fire_.time_step;
-        move(run, dt,
+        move(dt,
              [&](std::size_t k) { return Vec3(keep * velocity_[k] + (mixing + dt) * pull_[k]); });
         fire_.alpha = fire_.next_alpha;
     }
 
     template <typename Velocity>
-    void move(const RunContext& run, double time_step, Velocity velocity) {
+    void move(double time_step, Velocity velocity) {
         time_ += time_step;
-        for_each_index(moving_.size(), run, [&](std::size_t k) {
+        const RunContext whole;  // Can't be stopped half-way.
+        for_each_index(moving_.size(), whole, [&](std::size_t k) {
             velocity_[k] = velocity(k);
             Vec3 step = time_step * velocity_[k];
             const double length = step.norm();
@@ -306,6 +404,7 @@ private:
     Points listed_{};  // Positions when the lists were made.
     Fire fire_{};
     double time_ = 0.0;
+    std::size_t first_sample_ = 0;  // Of this relaxation, among the run's.
 };
 
 }  // namespace remesh

@@ -18,7 +18,7 @@ constexpr double kPlateau = 0.9;
 constexpr double kBandWidth = 1.4142135623730951;
 constexpr double kBandRadius = 0.7;   // Sites of a band keep this far over h from other points.
 constexpr double kGradedWall = 0.55;  // Over h: distance from the boundary where h varies.
-constexpr double kDartRadius = 0.76;  // Between the bands darts fill the gaps,
+constexpr double kDartRadius = 0.8;   // Between the bands darts fill the gaps,
 constexpr int kDartLevels = 4;        // in cells of h and three halvings.
 constexpr double kHalfDiagonal = 0.8660254037844386;
 
@@ -121,6 +121,12 @@ private:
                cell.least_h >= kPlateau * sizing_.h_max();
     }
 
+    // The whole cell is inside and far enough from the wall.
+    [[nodiscard]] bool is_clear(const Cell& cell) const {
+        const double offset = (cell.middle - cell.known.x).norm() + kHalfDiagonal * cell.size;
+        return cell.known.is_inside && cell.known.distance - offset > kGradedWall * cell.least_h;
+    }
+
     // Cells no larger than h that cover the part of the body where h is below its plateau.
     [[nodiscard]] std::vector<Cell> find_cells(const LatticeFill& lattice, RunContext& run) const {
         const double size = (box_.high - box_.low).maxCoeff();
@@ -170,7 +176,7 @@ private:
                     if (is_covered(part) || is_lost(part)) {
                         continue;
                     }
-                    if (part.known.distance < 2.0 * part.least_h) {
+                    if (!is_clear(part)) {
                         part.known = lattice.look_at(part.middle, &part.known);
                     }
                     if (!is_lost(part)) {

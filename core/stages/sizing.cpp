@@ -1,6 +1,7 @@
 #include "core/stages/sizing.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -34,6 +35,7 @@ constexpr double kMaxGradation = 0.3;  // Quality falls beyond.
 constexpr double kMaxGrowth = 1.25;
 constexpr std::size_t kMaxRegions = 1000;
 constexpr std::size_t kMaxPoints = 100'000;
+constexpr std::size_t kMaxName = 255;
 
 double smallest_asked_for(const SizingOptions& options) {
     double least =
@@ -130,6 +132,42 @@ private:
     double spacing_;  // Of what is measured on the input's own triangles.
 };
 
+// Sizes at the vertices of the input, interpolated over triangles that are larger than them. NaN
+// is no wish, and spreads over the triangles around.
+std::vector<SizingSample> sizes_at_vertices(const VertexSizes& wishes, double h_min, double h_max,
+                                            const RunContext& run) {
+    if (wishes.input == nullptr || wishes.sizes.size() != wishes.input->vertices.size()) {
+        throw Error(ErrorCode::InvalidInput,
+                    "sizing.vertex_field must be a scalar of the input's vertices, got " +
+                        std::to_string(wishes.sizes.size()) + " values");
+    }
+    const SurfaceMesh& input = *wishes.input;
+    std::vector<SizingSample> samples;
+    const double spacing = std::max(mean_edge(input), kFinestProbes * h_min);
+    const auto probes = place_probes(
+        input, spacing, [&](const Vec3&, double) { return spacing; }, run);
+    for (const Probe& probe : probes) {
+        const Triangle& t = input.triangles[static_cast<std::size_t>(probe.facet)];
+        std::array<std::size_t, 3> v{};
+        std::transform(t.begin(), t.end(), v.begin(),
+                       [](Index i) { return static_cast<std::size_t>(i); });
+        const Vec3& a = input.vertices[v[0]];
+        const Vec3& b = input.vertices[v[1]];
+        const Vec3& c = input.vertices[v[2]];
+        const Vec3 normal = (b - a).cross(c - a);
+        const double first = (c - b).cross(probe.x - b).dot(normal);
+        const double second = (a - c).cross(probe.x - c).dot(normal);
+        const double third = normal.squaredNorm() - first - second;
+        const double h = (first * wishes.sizes[v[0]] + second * wishes.sizes[v[1]] +
+                          third * wishes.sizes[v[2]]) /
+                         normal.squaredNorm();
+        if (h < kWorthIt * h_max) {
+            samples.push_back({probe.x, std::max(h, h_min), kPlateau * spacing});
+        }
+    }
+    return samples;
+}
+
 class Checker {
 public:
     static void number(const std::string& field, double value, bool is_good,
@@ -210,6 +248,8 @@ void validate(const SizingOptions& options, std::optional<double> edge_length) {
         Checker::length("boundary_layer.first_size", options.layer->first_size);
         Checker::growth("boundary_layer.growth", options.layer->growth);
     }
+    Checker::number("vertex_field", static_cast<double>(options.vertex_field.size()),
+                    options.vertex_field.size() <= kMaxName, "a name of at most 255 bytes");
     Checker::number("regions", static_cast<double>(options.regions.size()),
                     options.regions.size() <= kMaxRegions, "at most 1000");
     for (std::size_t i = 0; i < options.regions.size(); ++i) {
@@ -220,8 +260,8 @@ void validate(const SizingOptions& options, std::optional<double> edge_length) {
 std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
                                                       const FeatureSet& features,
                                                       double edge_length,
-                                                      const SizingOptions& options,
-                                                      RunContext& run) {
+                                                      const SizingOptions& options, RunContext& run,
+                                                      const VertexSizes& wishes) {
     validate(options, edge_length);
     const double h_max = options.max_size.value_or(edge_length);
     const double h_min =
@@ -238,6 +278,10 @@ std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
             sizes.add_thickness(samples, run);
         }
         sources.push_back(std::make_shared<SampleSource>(std::move(samples), options.gradation));
+    }
+    if (!options.vertex_field.empty()) {
+        sources.push_back(std::make_shared<SampleSource>(
+            sizes_at_vertices(wishes, h_min, h_max, run), options.gradation));
     }
     for (const SizingRegion& region : options.regions) {
         sources.push_back(make_region(region, options.gradation));

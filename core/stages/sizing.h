@@ -61,11 +61,20 @@ struct SizingOptions {
     std::optional<double> elements_across{};  ///< Thickness: edges across the body, in [1, 16].
     std::optional<BoundaryLayer> layer{};
     std::vector<SizingRegion> regions{};  ///< At most 1000.
+    std::string vertex_field{};  ///< Scalar of the input's vertices that is their size; or empty.
+
+    bool return_field = false;  ///< Give h(x) at the vertices of the result, as `sizes`.
 
     /// Whether anything but the guard may make h vary.
     [[nodiscard]] bool is_graded() const {
-        return chord_error || elements_across || layer || !regions.empty();
+        return chord_error || elements_across || layer || !regions.empty() || !vertex_field.empty();
     }
+};
+
+/// Wanted edge lengths at the vertices of the input.
+struct VertexSizes {
+    const SurfaceMesh* input = nullptr;
+    std::vector<double> sizes{};  ///< #V, model units, > 0, or NaN for no wish.
 };
 
 /// Builds h(x): uniform, or refined where the options ask for it and graded from there.
@@ -73,12 +82,13 @@ struct SizingOptions {
 /// The field keeps a reference to `domain`.
 ///
 /// \param edge_length  h where nothing asks for another, model units, > 0
+/// \param wishes       needed if options.vertex_field is named
 /// \throws Error{InvalidInput} if an option is out of range
 std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
                                                       const FeatureSet& features,
                                                       double edge_length,
-                                                      const SizingOptions& options,
-                                                      RunContext& run);
+                                                      const SizingOptions& options, RunContext& run,
+                                                      const VertexSizes& wishes = {});
 
 /// \param edge_length  if known, for what depends on it
 /// \throws Error{InvalidInput} naming the field, its range and the value

@@ -194,6 +194,15 @@ std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
     return problems;
 }
 
+void write(const JobOutput& from, v1::Output& to) {
+    to.set_kind(to_proto(from.kind));
+    if (from.format) {
+        to.set_format(to_proto(*from.format));
+    }
+    *to.mutable_digest() = to_proto(from.artifact);
+    to.set_file_name(from.file_name);
+}
+
 }  // namespace
 
 std::optional<MeshFormat> to_core(v1::Format format) {
@@ -425,13 +434,7 @@ std::string ProtoCodec::encode_result(std::string_view spec, const JobResult& re
     const v1::JobSpec asked = parse_spec(spec);
     v1::Result to;
     for (const JobOutput& output : result.outputs) {
-        auto* file = to.add_outputs();
-        file->set_kind(to_proto(output.kind));
-        if (output.format) {
-            file->set_format(to_proto(*output.format));
-        }
-        *file->mutable_digest() = to_proto(output.artifact);
-        file->set_file_name(output.file_name);
+        write(output, *to.add_outputs());
     }
     *to.mutable_quality() = to_proto(result.report);
     auto* provenance = to.mutable_provenance();
@@ -448,6 +451,9 @@ std::string ProtoCodec::encode_failure(const JobFailure& failure) const {
     to.set_message(failure.message);
     to.set_retryable(failure.retryable);
     to.set_stage(to_proto(failure.stage));
+    for (const JobOutput& output : failure.outputs) {
+        write(output, *to.add_outputs());
+    }
     return to.SerializeAsString();
 }
 

@@ -107,6 +107,30 @@ void read(const v1::Improvement& from, ImproveOptions& to) {
     to.passes = from.has_passes() ? from.passes() : to.passes;
 }
 
+void read(const v1::Bounds& from, BoundOptions& to) {
+    if (from.has_min_dihedral()) {
+        to.min_dihedral = from.min_dihedral();
+    }
+    if (from.has_max_deviation()) {
+        to.max_deviation = from.max_deviation();
+    }
+    if (from.has_max_volume_change()) {
+        to.max_volume_change = from.max_volume_change();
+    }
+}
+
+void write(const BoundOptions& from, v1::Bounds& to) {
+    if (from.min_dihedral) {
+        to.set_min_dihedral(*from.min_dihedral);
+    }
+    if (from.max_deviation) {
+        to.set_max_deviation(*from.max_deviation);
+    }
+    if (from.max_volume_change) {
+        to.set_max_volume_change(*from.max_volume_change);
+    }
+}
+
 }  // namespace
 
 RemeshOptions to_core(const v1::Options& from) {
@@ -122,7 +146,14 @@ RemeshOptions to_core(const v1::Options& from) {
     read(from.relaxation(), to.relax);
     to.seed.preload =
         from.relaxation().has_preload() ? from.relaxation().preload() : to.seed.preload;
+    to.population.passes = from.relaxation().has_population_passes()
+                               ? from.relaxation().population_passes()
+                               : to.population.passes;
     read(from.improvement(), to.improve);
+    read(from.bounds(), to.bounds);
+    if (from.has_max_tets()) {
+        to.max_tets = from.max_tets();
+    }
     return to;
 }
 
@@ -154,9 +185,14 @@ v1::Options to_proto(const RemeshOptions& from) {
     relaxation->set_max_surface_iterations(from.relax.max_surface_iterations);
     relaxation->set_max_volume_iterations(from.relax.max_volume_iterations);
     relaxation->set_tolerance(from.relax.tolerance);
+    relaxation->set_population_passes(from.population.passes);
     auto* improvement = to.mutable_improvement();
     improvement->set_mode(to_proto(from.improve.mode));
     improvement->set_passes(from.improve.passes);
+    write(from.bounds, *to.mutable_bounds());
+    if (from.max_tets) {
+        to.set_max_tets(*from.max_tets);
+    }
     return to;
 }
 
@@ -167,6 +203,9 @@ std::string proto_field(const std::string& field) {
     const std::string options = "spec.options.";
     if (field == "seed.seed") {
         return options + "seed";
+    }
+    if (field == "population.passes") {
+        return options + "relaxation.population_passes";
     }
     if (field == "seed.preload") {
         return options + "relaxation.preload";

@@ -115,6 +115,8 @@ SizingOptions to_core(const v1::Sizing& from) {
         wanted.first_size = layer.first_size();
         wanted.growth = layer.has_growth() ? layer.growth() : wanted.growth;
     }
+    to.vertex_field = from.vertex_field();
+    to.return_field = from.return_field();
     for (int i = 0; i < from.regions_size(); ++i) {
         to.regions.push_back(to_core(from.regions(i), "sizing.regions[" + std::to_string(i) + "]"));
     }
@@ -141,6 +143,10 @@ v1::Sizing to_proto(const SizingOptions& from) {
         to.mutable_boundary_layer()->set_first_size(from.layer->first_size);
         to.mutable_boundary_layer()->set_growth(from.layer->growth);
     }
+    if (!from.vertex_field.empty()) {
+        to.set_vertex_field(from.vertex_field);
+    }
+    to.set_return_field(from.return_field);
     for (const SizingRegion& region : from.regions) {
         *to.add_regions() = to_proto(region);
     }

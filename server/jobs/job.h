@@ -55,13 +55,8 @@ struct JobOutput {
 struct JobResult {
     std::vector<JobOutput> outputs{};
     QualityReport report{};
-    RemeshOptions options{};  ///< With everything that was chosen filled in.
-};
-
-/// One option by its name in the API, for people to read.
-struct OptionRow {
-    std::string name{};
-    std::string value{};
+    RemeshOptions options{};      ///< With everything that was chosen filled in.
+    std::string broken_bounds{};  ///< A sentence, if the result doesn't keep what was asked for.
 };
 
 /// Why an attempt ended without a result.
@@ -70,6 +65,13 @@ struct JobFailure {
     std::string message{};  ///< A sentence.
     bool retryable = false;
     Stage stage = Stage::Read;
+    std::vector<JobOutput> outputs{};  ///< Files kept all the same.
+};
+
+/// One option by its name in the API, for people to read.
+struct OptionRow {
+    std::string name{};
+    std::string value{};
 };
 
 /// A preview that can be downloaded.

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "server/jobs/lease_desk.h"
@@ -13,6 +15,13 @@ EventKind kind_of(const JobEventBody& event) {
     constexpr EventKind kinds[]{EventKind::Progress, EventKind::Sample, EventKind::Warning,
                                 EventKind::Preview};
     return kinds[event.index()];
+}
+
+std::vector<ArtifactId> artifacts_of(const std::vector<JobOutput>& outputs) {
+    std::vector<ArtifactId> artifacts;
+    std::transform(outputs.begin(), outputs.end(), std::back_inserter(artifacts),
+                   [](const JobOutput& output) { return output.artifact; });
+    return artifacts;
 }
 
 }  // namespace
@@ -56,12 +65,8 @@ std::optional<JobState> Lease::settle(const Verdict& verdict) {
     return ended ? std::optional(ended->state) : std::nullopt;
 }
 
-std::optional<JobState> Lease::succeed(const JobResult& result,
-                                       std::vector<ArtifactDraft> outputs) {
-    Settlement settlement{JobState::Succeeded, desk_.codec_.encode_result(job().spec, result)};
-    for (const JobOutput& output : result.outputs) {
-        settlement.outputs.push_back(output.artifact);
-    }
+std::optional<JobState> Lease::settle(const Settlement& settlement,
+                                      std::vector<ArtifactDraft> outputs) {
     std::optional<JobState> state;
     desk_.artifacts_.publish(std::move(outputs), [&] {
         state = settle([&](const Claim& claim) {
@@ -74,14 +79,19 @@ std::optional<JobState> Lease::succeed(const JobResult& result,
     return state;
 }
 
-std::optional<JobState> Lease::fail(const JobFailure& failure) {
-    const Settlement settlement{JobState::Failed, desk_.codec_.encode_failure(failure)};
-    const auto state = settle(
-        [&](const Claim& claim) { return desk_.store_.settle(claim, settlement, desk_.clock_()); });
-    if (!previews_.empty()) {
-        desk_.drop_previews(job().key, {});
-    }
-    return state;
+std::optional<JobState> Lease::succeed(const JobResult& result,
+                                       std::vector<ArtifactDraft> outputs) {
+    return settle({.state = JobState::Succeeded,
+                   .outcome = desk_.codec_.encode_result(job().spec, result),
+                   .outputs = artifacts_of(result.outputs)},
+                  std::move(outputs));
+}
+
+std::optional<JobState> Lease::fail(const JobFailure& failure, std::vector<ArtifactDraft> outputs) {
+    return settle({.state = JobState::Failed,
+                   .outcome = desk_.codec_.encode_failure(failure),
+                   .outputs = artifacts_of(failure.outputs)},
+                  std::move(outputs));
 }
 
 std::optional<JobState> Lease::stopped(Stage stage) {

@@ -72,7 +72,8 @@ public:
     // the lease was void.
 
     std::optional<JobState> succeed(const JobResult& result, std::vector<ArtifactDraft> outputs);
-    std::optional<JobState> fail(const JobFailure& failure);
+    std::optional<JobState> fail(const JobFailure& failure,
+                                 std::vector<ArtifactDraft> outputs = {});
     /// The run stopped because it was asked to: cancelled, timed out, too large or given back.
     std::optional<JobState> stopped(Stage stage);
     /// The store didn't give or take the job's files: it is tried again later.
@@ -84,6 +85,8 @@ private:
     using Verdict = std::function<std::optional<JobRecord>(const Claim&)>;
 
     std::optional<JobState> settle(const Verdict& verdict);
+    std::optional<JobState> settle(const Settlement& settlement,
+                                   std::vector<ArtifactDraft> outputs);
 
     LeaseDesk& desk_;
     std::shared_ptr<Attempt> attempt_;

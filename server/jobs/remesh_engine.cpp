@@ -71,7 +71,7 @@ ReadResult read_input(const JobRequest& request, std::string_view input) {
     const std::string hint = request.input_format
                                  ? std::string(format_extension(*request.input_format))
                                  : request.file_name;
-    return read_surface(input, hint);
+    return read_surface(input, hint, {}, request.options.sizing.vertex_field);
 }
 
 void require_memory(const RunEstimate& estimate, std::optional<std::int64_t> max_bytes) {
@@ -95,9 +95,12 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     collect(problems, [&] { validate(options.prepare); });
     collect(problems, [&] { validate(options.features); });
     collect(problems, [&] { validate(options.seed); });
+    collect(problems, [&] { validate(options.sizing, options.edge_length); });
     collect(problems, [&] { validate(options.relax); });
+    collect(problems, [&] { validate(options.population); });
     collect(problems, [&] { validate(options.carve); });
     collect(problems, [&] { validate(options.improve); });
+    collect(problems, [&] { validate(options.bounds, options.tetrahedra); });
     for (std::size_t i = 0; i < request.outputs.size(); ++i) {
         check_output(problems, request.outputs[i], options, i);
     }
@@ -116,18 +119,19 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     for (std::string& warning : read.warnings) {
         run.warn({"INPUT_FILE", std::move(warning), std::nullopt});
     }
-    RemeshResult mesh = run_pipeline(read.mesh, request.options, run);
+    RemeshResult mesh = run_pipeline(read.mesh, request.options, run, read.sizes);
 
     run.enter(Stage::Write);
     JobResult result;
     result.options = request.options;
     result.options.edge_length = mesh.edge_length;
+    result.broken_bounds = broken_bounds(mesh.report.bounds);
     const std::string stem = stem_of(request.file_name);
     for (const OutputRequest& wanted : request.outputs) {
         const bool is_tets = wants_tets(wanted, request.options);
         const ArtifactId artifact = outputs.add([&](std::ostream& out) {
-            is_tets ? write_tets(mesh.tets, wanted.format, out)
-                    : write_surface(mesh.surface, wanted.format, out);
+            is_tets ? write_tets(mesh.tets, wanted.format, out, mesh.tet_sizes)
+                    : write_surface(mesh.surface, wanted.format, out, mesh.surface_sizes);
         });
         result.outputs.push_back({is_tets ? OutputKind::Tetrahedra : OutputKind::Surface,
                                   wanted.format, artifact,

@@ -168,6 +168,12 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
         DraftSink sink(artifacts, job.key.tenant);
         JobResult result;
         arena.execute([&] { result = engine.run(request, input.bytes(), run, sink); });
+        if (!result.broken_bounds.empty()) {
+            return {lease.fail({"BOUND_NOT_MET", result.broken_bounds, false, Stage::Report,
+                                result.outputs},
+                               sink.take()),
+                    "BOUND_NOT_MET"};
+        }
         const auto state = lease.succeed(result, sink.take());
         return {state, state == JobState::Cancelled ? "CANCELLED" : "OK"};
     } catch (const Error& error) {

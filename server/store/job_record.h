@@ -166,7 +166,7 @@ struct Settlement {
     JobState state = JobState::Failed;  ///< Terminal.
     std::string outcome{};
     std::vector<NewEvent> events{};     ///< That come before the end.
-    std::vector<ArtifactId> outputs{};  ///< Become visible with the end, if it is Succeeded.
+    std::vector<ArtifactId> outputs{};  ///< Become visible with the end, unless it is Cancelled.
 };
 
 /// How an attempt was lost.

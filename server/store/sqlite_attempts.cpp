@@ -151,11 +151,9 @@ std::optional<JobRecord> Store::settle(const Claim& claim, const Settlement& set
             return JobState::Cancelled;
         }
         job.outcome = settlement.outcome;
-        if (settlement.state == JobState::Succeeded) {
-            for (const ArtifactId& output : settlement.outputs) {
-                insert_artifact(connection, claim.key.tenant, output, now);
-                refer(connection, job, "output", output.sha256);
-            }
+        for (const ArtifactId& output : settlement.outputs) {
+            insert_artifact(connection, claim.key.tenant, output, now);
+            refer(connection, job, "output", output.sha256);
         }
         return settlement.state;
     });

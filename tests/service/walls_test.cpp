@@ -308,6 +308,19 @@ TEST(Names, MayBeShort) {
     EXPECT_EQ(job.name(), name);
 }
 
+TEST(Pages, TellNobodyHowManyJobsOthersHave) {
+    const PageTokens tokens;
+
+    const std::string token = tokens.seal("a", 7);
+
+    EXPECT_EQ(tokens.open("a", token), 7);
+    EXPECT_EQ(tokens.open("b", token), std::nullopt);
+    EXPECT_EQ(PageTokens().open("a", token), std::nullopt);
+    EXPECT_EQ(tokens.open("a", "7"), std::nullopt);
+    EXPECT_EQ(tokens.open("a", std::string(32, '0')), std::nullopt);
+    EXPECT_NE(tokens.seal("a", 8).substr(0, 16), token.substr(0, 16));
+}
+
 TEST(Audit, TellsWhoDidWhat) {
     TestServer server(kCopy, [](ServerOptions& options) { options.requires_credentials = true; });
     server.token = server.token_for("clinic");

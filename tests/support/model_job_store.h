@@ -207,11 +207,9 @@ public:
             return enter(*entry, JobState::Cancelled, now);
         }
         entry->job.outcome = settlement.outcome;
-        if (settlement.state == JobState::Succeeded) {
-            for (const ArtifactId& output : settlement.outputs) {
-                artifacts_.try_emplace({claim.key.tenant, output.sha256}, output.size, now);
-                entry->references.insert({"output", output.sha256});
-            }
+        for (const ArtifactId& output : settlement.outputs) {
+            artifacts_.try_emplace({claim.key.tenant, output.sha256}, output.size, now);
+            entry->references.insert({"output", output.sha256});
         }
         return enter(*entry, settlement.state, now);
     }

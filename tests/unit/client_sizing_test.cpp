@@ -37,14 +37,17 @@ TEST(SizingFlags, LeaveAbsentWhatIsntGiven) {
 }
 
 TEST(SizingFlags, SetNumbers) {
-    const v1::Sizing sizing = parsed({"--min-size", "0.5", "--max-size", "4", "--gradation", "0.1",
-                                      "--size-curvature", "0.05", "--size-across", "3"});
+    const v1::Sizing sizing =
+        parsed({"--min-size", "0.5", "--max-size", "4", "--gradation", "0.1", "--size-curvature",
+                "0.05", "--size-across", "3", "--size-field", "thickness", "--return-sizes"});
 
     EXPECT_EQ(sizing.min_size(), 0.5);
     EXPECT_EQ(sizing.max_size(), 4.0);
     EXPECT_EQ(sizing.gradation(), 0.1);
     EXPECT_EQ(sizing.chord_error(), 0.05);
     EXPECT_EQ(sizing.elements_across(), 3.0);
+    EXPECT_EQ(sizing.vertex_field(), "thickness");
+    EXPECT_TRUE(sizing.return_field());
 }
 
 TEST(SizingFlags, ReadALayerWithOrWithoutItsGrowth) {

@@ -20,6 +20,8 @@ v1::Sizing full() {
     sizing.set_elements_across(3.0);
     sizing.mutable_boundary_layer()->set_first_size(0.4);
     sizing.mutable_boundary_layer()->set_growth(1.15);
+    sizing.set_vertex_field("thickness");
+    sizing.set_return_field(true);
     for (const double x : {1.0, 2.0, 3.0}) {
         sizing.add_regions()->set_size(x);
     }

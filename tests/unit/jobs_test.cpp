@@ -92,6 +92,24 @@ TEST(JobMachine, TellsWhyARunFailed) {
     EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("half a result")));
 }
 
+TEST(JobMachine, KeepsTheReportOfAResultThatBreaksABound) {
+    JobMachine machine(
+        [](const JobRequest&, std::string_view, RunContext&, OutputSink& outputs) -> JobResult {
+            JobResult result;
+            const auto report = outputs.add([](std::ostream& out) { out << "a report"; });
+            result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
+            result.broken_bounds = "min_dihedral is 12, the bound is 20";
+            return result;
+        });
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    const JobRecord job = machine.wait_for(key, JobState::Failed);
+
+    EXPECT_EQ(job.outcome, "BOUND_NOT_MET");
+    EXPECT_TRUE(machine.artifacts().find("clinic", sha256_of("a report")));
+}
+
 TEST(JobMachine, FailsTheJobOfAnEngineThatThrowsSomethingElse) {
     JobMachine machine([](const JobRequest&, std::string_view, RunContext&,
                           OutputSink&) -> JobResult { throw std::logic_error("a defect"); });

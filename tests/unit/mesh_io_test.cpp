@@ -459,6 +459,51 @@ TEST(ReadGifti, RefusesDataInAnotherFile) {
                 HasSubstr("Unsupported: GIfTI: array 'NIFTI_INTENT_POINTSET' is in another file"));
 }
 
+TEST(Sizes, ComeBackFromEveryFormatThatHoldsThem) {
+    const SurfaceMesh cube = unit_cube();
+    std::vector<double> sizes;
+    for (std::size_t i = 0; i < cube.vertices.size(); ++i) {
+        sizes.push_back(0.1 + 0.01 * static_cast<double>(i));
+    }
+    for (const MeshFormat format : {MeshFormat::Ply, MeshFormat::Vtp, MeshFormat::Vtk}) {
+        std::ostringstream out;
+        write_surface(cube, format, out, sizes);
+        EXPECT_EQ(read_surface(out.str(), format_name(format), {}, "h").sizes, sizes);
+        EXPECT_TRUE(read_surface(out.str(), format_name(format)).sizes.empty());
+    }
+}
+
+TEST(Sizes, AreNoWishWhereTheyArentPositive) {
+    const std::string ply =
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float size\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "0 0 0 0.5\n1 0 0 0\n0 1 0 -2\n3 0 1 2\n";
+    const auto sizes = read_surface(ply, "ply", {}, "size").sizes;
+
+    ASSERT_EQ(sizes.size(), 3U);
+    EXPECT_EQ(sizes[0], 0.5);
+    EXPECT_TRUE(std::isnan(sizes[1]));
+    EXPECT_TRUE(std::isnan(sizes[2]));
+}
+
+TEST(Sizes, AreRefusedWhereThereAreNone) {
+    const auto message_of = [](MeshFormat format) {
+        try {
+            (void)read_surface(written(unit_cube(), format), format_name(format), {}, "size");
+        } catch (const Error& error) {
+            return std::string(error.what());
+        }
+        return std::string();
+    };
+
+    for (const MeshFormat format : {MeshFormat::Ply, MeshFormat::Vtp, MeshFormat::Vtk}) {
+        EXPECT_NE(message_of(format).find("no values of a scalar 'size'"), std::string::npos)
+            << message_of(format);
+    }
+    EXPECT_NE(message_of(MeshFormat::Stl).find("read from PLY, VTP and VTK"), std::string::npos);
+}
+
 TEST(Formats, AreKnownByNameAndExtension) {
     EXPECT_EQ(format_of_name("a/b.c/aorta.STL.gz"), MeshFormat::Stl);
     EXPECT_EQ(format_of_name(".gii"), MeshFormat::Gifti);

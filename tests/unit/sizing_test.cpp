@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/geometry/lipschitz_field.h"
@@ -206,6 +207,29 @@ TEST(BuildSizingField, PutsElementsAcrossASlab) {
         field_of(BoxDomain(Vec3(4, 4, 0.4)), 0.5, {.guard_thickness = false, .elements_across = 4});
 
     EXPECT_NEAR(field->h(Vec3(2.0, 2.0, 0.0)), 0.4 / (0.93 * 4.0), 0.005);
+}
+
+TEST(BuildSizingField, TakesSizesAtVerticesAndBetweenThem) {
+    // 1/4 of the height: at z = 1 the upper clamp holds, and below 0 nothing is wished.
+    const SphereDomain sphere(1.0);
+    VertexSizes wishes{&sphere.boundary()};
+    for (const Vec3& x : sphere.boundary().vertices) {
+        wishes.sizes.push_back(x.z() > 0.0 ? 0.05 + 0.1 * x.z() : std::nan(""));
+    }
+    RunContext run;
+    const auto field = build_sizing_field(sphere, {}, 0.1, {.vertex_field = "size"}, run, wishes);
+
+    EXPECT_NEAR(field->h(Vec3(0.8, 0.0, 0.6)), 0.1, 1e-12);
+    EXPECT_NEAR(field->h(Vec3(0.96, 0.0, 0.28)), 0.078, 0.004);
+    EXPECT_NEAR(field->h(Vec3(0.0, 0.995, 0.1)), 0.06, 0.004);
+    EXPECT_EQ(field->h(Vec3(0.0, 0.0, -1.0)), 0.1);
+    EXPECT_LE(steepest(*field, 1.0), 0.2 + 1e-9);
+}
+
+TEST(BuildSizingField, RefusesAnInputWithoutTheSizesItIsToTake) {
+    const SphereDomain sphere(1.0);
+
+    EXPECT_THROW(field_of(sphere, 0.1, {.vertex_field = "size"}), Error);
 }
 
 TEST(BuildSizingField, IsNeverSteeperThanItsGradation) {

@@ -185,6 +185,20 @@ TEST_P(JobStoreConformance, NumbersEventsWithoutGapsOverTheWholeLife) {
     EXPECT_EQ(store->events_after(held.key, 4, 1).front().sequence, 5);
 }
 
+TEST_P(JobStoreConformance, KeepsWhatAFailedJobMadeButNotACancelledOne) {
+    create("first");
+    const Claim failing = claim();
+    store->settle(failing, {JobState::Failed, "no", {}, {{kOutput, 5}}}, at(4));
+    EXPECT_EQ(store->find_artifact("clinic", kOutput), (ArtifactId{kOutput, 5}));
+    EXPECT_FALSE(store->remove_artifact("clinic", kOutput)) << "the failed job refers to it";
+
+    create("second");
+    const Claim cancelled = claim();
+    store->request_cancel(cancelled.key, at(5));
+    store->settle(cancelled, {JobState::Failed, "no", {}, {{kPreview, 3}}}, at(6));
+    EXPECT_FALSE(store->find_artifact("clinic", kPreview));
+}
+
 TEST_P(JobStoreConformance, SettlesOnceAndShowsOutputsWithIt) {
     create("one");
     const Claim held = claim();

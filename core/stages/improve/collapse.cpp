@@ -206,23 +206,35 @@ bool runs_along_curve(const LiveMesh& mesh, Index v, Index w, const std::vector<
     return before.dot(behind) > kStraightCosine;
 }
 
-bool follows_domain(const LiveMesh& mesh, const Shape& shape, Index v, Index w,
-                    const std::vector<LinkEdge>& fan) {
-    const bool is_curve = mesh.kind(v) == ParticleKind::Curve;
+// On one side of the curve each, so that the triangles tell which.
+bool keep_facing(const LiveMesh& mesh, Index v, Index w, const std::vector<LinkEdge>& fan) {
     const Vec3& from = mesh.point(v);
     const Vec3& to = mesh.point(w);
     return std::all_of(fan.begin(), fan.end(), [&](const LinkEdge& edge) {
         const Vec3& p = mesh.point(edge.from);
         const Vec3& q = mesh.point(edge.to);
-        if (touches(edge, w)) {
-            return true;
-        }
-        if (is_curve) {  // On one side of the curve, so that the triangles tell which.
-            const Vec3 now = (p - from).cross(q - from).normalized();
-            return (p - to).cross(q - to).normalized().dot(now) > kNormalCosine;
-        }
-        return follows_boundary(shape, to, p, q);
+        const Vec3 now = (p - from).cross(q - from).normalized();
+        return touches(edge, w) || (p - to).cross(q - to).normalized().dot(now) > kNormalCosine;
     });
+}
+
+// Whether the boundary leaves the domain's no more than before.
+bool follows_domain(const LiveMesh& mesh, const Shape& shape, Index v, Index w,
+                    const std::vector<LinkEdge>& fan) {
+    if (mesh.kind(v) == ParticleKind::Curve) {
+        return keep_facing(mesh, v, w, fan);
+    }
+    double now = 0.0;
+    double then = 0.0;
+    for (const auto& [p, q] : fan) {
+        if (!touches({p, q}, w)) {
+            then += departure(shape, mesh.point(w), mesh.point(p), mesh.point(q));
+        }
+    }
+    for (std::size_t i = 0; i < fan.size() && then > now; ++i) {
+        now += departure(shape, mesh.point(v), mesh.point(fan[i].from), mesh.point(fan[i].to));
+    }
+    return then <= now;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 
+#include "core/parallel.h"
 #include "core/stages/improve/measures.h"
 #include "core/stages/improve/ring.h"
 
@@ -296,6 +297,22 @@ bool flip_tet(LiveMesh& mesh, Index t, Judge judge) {
 
 std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext& run) {
     constexpr std::size_t kBlock = 4096;
+    enum : std::uint8_t { kUnknown, kFine, kPoor };
+    const auto is_due = [&](const Tet& tet) {
+        return all ||
+               std::any_of(tet.begin(), tet.end(), [&](Index v) { return mesh.has_changed(v); });
+    };
+    const auto grade = [&](const Tet& tet) -> std::uint8_t {
+        return measure<RadiusRatio>(mesh, tet) < limit ? kPoor : kFine;
+    };
+    // Flips move no vertex, so that what is known before the first holds for tets that still live.
+    std::vector<std::uint8_t> grades(mesh.slot_count(), kUnknown);
+    for_each_index(grades.size(), run, [&](std::size_t i) {
+        if (mesh.is_alive(index(i)) && is_due(mesh.tet(index(i)))) {
+            grades[i] = grade(mesh.tet(index(i)));
+        }
+    });
+
     std::int64_t flips = 0;
     // Goes on to the tets that flips append; the bound only makes it plain that the loop ends.
     const std::size_t bound = 2 * mesh.slot_count() + 1000;
@@ -304,14 +321,12 @@ std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext&
             run.checkpoint();
         }
         const Index t = index(i);
-        if (!mesh.is_alive(t)) {
+        const auto known = i < grades.size() ? grades[i] : std::uint8_t{kUnknown};
+        if (!mesh.is_alive(t) || known == kFine) {
             continue;
         }
-        const auto& tet = mesh.tet(t);
-        const bool is_due = all || mesh.has_changed(tet[0]) || mesh.has_changed(tet[1]) ||
-                            mesh.has_changed(tet[2]) || mesh.has_changed(tet[3]);
-        if (is_due && measure<RadiusRatio>(mesh, tet) < limit &&
-            flip_tet_by<RadiusRatio>(mesh, t)) {
+        const bool is_poor = known == kPoor || (is_due(mesh.tet(t)) && grade(mesh.tet(t)) == kPoor);
+        if (is_poor && flip_tet_by<RadiusRatio>(mesh, t)) {
             ++flips;
         }
     }

@@ -81,7 +81,7 @@ Index LiveMesh::add(const Tet& tet) {
     tets_.push_back(tet);
     fill_slot(t, tet);
     if (recording_) {
-        journal_.push_back({Change::Added, t, tet, Vec3::Zero(), kNone});
+        journal_.push_back({.change = Change::Added, .id = t, .tet = tet});
     }
     return t;
 }
@@ -93,7 +93,7 @@ void LiveMesh::remove(Index t) {
     }
     tets_[at(t)][0] = kNone;
     if (recording_) {
-        journal_.push_back({Change::Removed, t, tet, Vec3::Zero(), kNone});
+        journal_.push_back({.change = Change::Removed, .id = t, .tet = tet});
     }
 }
 
@@ -122,7 +122,10 @@ void LiveMesh::roll_back() {
         switch (record->change) {
             case Change::Added: remove(record->id); break;
             case Change::Removed: fill_slot(record->id, record->tet); break;
-            case Change::Moved: move(record->id, record->point, record->anchor); break;
+            case Change::Moved:
+                move(record->id, record->point, record->anchor);
+                kinds_[at(record->id)] = record->kind;
+                break;
         }
     }
     journal_.clear();
@@ -135,12 +138,26 @@ void LiveMesh::roll_back() {
     tets_.resize(first_slot_);
 }
 
-void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {
+void LiveMesh::record_place(Index v) {
     if (recording_) {
-        journal_.push_back({Change::Moved, v, {}, points_[at(v)], anchors_[at(v)]});
+        journal_.push_back({.change = Change::Moved,
+                            .id = v,
+                            .point = points_[at(v)],
+                            .anchor = anchors_[at(v)],
+                            .kind = kinds_[at(v)]});
     }
-    move(v, point, anchor);
     changed_[at(v)] = 1;
+}
+
+void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {
+    record_place(v);
+    move(v, point, anchor);
+}
+
+void LiveMesh::bury(Index v) {
+    record_place(v);
+    kinds_[at(v)] = ParticleKind::Volume;
+    anchors_[at(v)] = kNone;
 }
 
 void LiveMesh::touched(std::vector<Index>& tets) const {

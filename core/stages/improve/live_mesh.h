@@ -75,6 +75,8 @@ public:
     void roll_back();
     /// As `move`, but can be rolled back, and sets the changed flag.
     void move_recorded(Index v, const Vec3& point, Index anchor);
+    /// Frees a surface vertex that has come to lie inside.
+    void bury(Index v);
     /// Tets added since `begin`, and those around vertices moved since, that are still alive.
     /// `tets` is replaced; sorted, without repeats.
     void touched(std::vector<Index>& tets) const;
@@ -102,8 +104,10 @@ private:
         Tet tet{};
         Vec3 point = Vec3::Zero();
         Index anchor = kNone;
+        ParticleKind kind = ParticleKind::Volume;
     };
 
+    void record_place(Index v);
     void attach(Index v, Index t);
     void detach(Index v, Index t);
     void fill_slot(Index t, const Tet& tet);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/parallel.h"
 #include "core/stages/improve/measures.h"
 
 namespace remesh::improve {
@@ -13,7 +14,7 @@ constexpr std::uint8_t kDepth = 3;
 constexpr std::uint8_t kFar = 255;
 
 // Steps along tets from the boundary, or from bad tets, which count as `kDepth - 1` deep.
-std::vector<std::uint8_t> depths(const CarveResult& whole, double limit) {
+std::vector<std::uint8_t> depths(const CarveResult& whole, double limit, const RunContext& run) {
     const auto& tets = whole.mesh.tets;
     std::vector<std::uint8_t> depth(whole.mesh.vertices.size(), kFar);
     for (std::size_t v = 0; v < depth.size(); ++v) {
@@ -33,12 +34,17 @@ std::vector<std::uint8_t> depths(const CarveResult& whole, double limit) {
         }
     }
     const auto& points = whole.mesh.vertices;
-    for (const auto& tet : tets) {
+    std::vector<std::uint8_t> is_bad(tets.size(), 0);
+    for_each_index(tets.size(), run, [&](std::size_t t) {
+        const auto& tet = tets[t];
         const bool is_near =
             std::all_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] != kFar; });
-        if (!is_near && radius_ratio(points[at(tet[0])], points[at(tet[1])], points[at(tet[2])],
-                                     points[at(tet[3])]) < limit) {
-            for (const Index v : tet) {
+        is_bad[t] = !is_near && radius_ratio(points[at(tet[0])], points[at(tet[1])],
+                                             points[at(tet[2])], points[at(tet[3])]) < limit;
+    });
+    for (std::size_t t = 0; t < tets.size(); ++t) {
+        if (is_bad[t]) {
+            for (const Index v : tets[t]) {
                 depth[at(v)] = std::min<std::uint8_t>(depth[at(v)], kDepth - 1);
             }
         }
@@ -102,9 +108,9 @@ void append_sorted(std::vector<Tet> tets, LiveMesh& mesh) {
 }  // namespace
 
 Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
-              const std::vector<std::uint8_t>& frozen, double limit) {
+              const std::vector<std::uint8_t>& frozen, double limit, const RunContext& run) {
     const auto& tets = whole.mesh.tets;
-    const auto depth = depths(whole, limit);
+    const auto depth = depths(whole, limit, run);
     Part part;
     part.is_inside.assign(tets.size(), 0);
     std::vector<std::uint8_t> used(whole.mesh.vertices.size(), 0);
@@ -149,6 +155,7 @@ Assembled put_back(const CarveResult& whole, const std::vector<Index>& anchor, c
         const Index local = index(v);
         if (v < part.origin.size()) {
             all.mesh.vertices[at(id[v])] = part.mesh.point(local);
+            all.kind[at(id[v])] = part.mesh.kind(local);
             all.anchor[at(id[v])] = part.mesh.anchor(local);
         } else {
             id.push_back(index(all.mesh.vertices.size()));

@@ -20,7 +20,8 @@ struct Part {
 /// \param frozen  per vertex of the whole mesh: must neither move nor go
 /// \param limit   tets with a radius ratio below this are bad
 [[nodiscard]] Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
-                            const std::vector<std::uint8_t>& frozen, double limit);
+                            const std::vector<std::uint8_t>& frozen, double limit,
+                            const RunContext& run);
 
 /// The whole mesh with the part put back: the same vertices, then those that were inserted.
 struct Assembled {

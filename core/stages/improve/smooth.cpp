@@ -170,13 +170,13 @@ Place place_on(const Shape& shape, ParticleKind kind, Index anchor, const Vec3& 
     return {point, anchor};
 }
 
-bool follows_boundary(const Shape& shape, const Vec3& a, const Vec3& b, const Vec3& c) {
+double departure(const Shape& shape, const Vec3& a, const Vec3& b, const Vec3& c) {
     constexpr double kCosine = 0.6;
     constexpr double kDistance = 0.2;  // Of the mean edge.
     const double edge = ((b - a).norm() + (c - b).norm() + (a - c).norm()) / 3.0;
     const auto on = shape.domain.closest((a + b + c) / 3.0);
-    return on.distance < kDistance * edge &&
-           (b - a).cross(c - a).normalized().dot(on.normal) > kCosine;
+    const double cosine = (b - a).cross(c - a).normalized().dot(on.normal);
+    return std::max(0.0, on.distance / edge - kDistance) + std::max(0.0, kCosine - cosine);
 }
 
 SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,

@@ -48,8 +48,8 @@ SmoothResult smooth_vertices(LiveMesh& mesh, const Shape& shape, double power,
 /// steepest descent where the Hessian isn't positive.
 [[nodiscard]] Vec3 descent(const Star::Model& model, ParticleKind kind, const Vec3& axis);
 
-/// Whether a triangle lies on the domain's boundary as far as its size allows, facing outward.
-[[nodiscard]] bool follows_boundary(const Shape& shape, const Vec3& a, const Vec3& b,
-                                    const Vec3& c);
+/// By how much a triangle leaves the domain's boundary, over its mean edge, and turns from facing
+/// outward, as cosine, beyond what its size excuses; 0 if it follows the boundary.
+[[nodiscard]] double departure(const Shape& shape, const Vec3& a, const Vec3& b, const Vec3& c);
 
 }  // namespace remesh::improve

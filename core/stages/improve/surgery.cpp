@@ -1,6 +1,7 @@
 #include "core/stages/improve/surgery.h"
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -90,8 +91,27 @@ std::optional<Ring> ridge(const LiveMesh& mesh, Index a, Index b) {
     return ring;
 }
 
-bool follows(const LiveMesh& mesh, const Shape& shape, Index a, Index b, Index c) {
-    return follows_boundary(shape, mesh.point(a), mesh.point(b), mesh.point(c));
+using Face = std::array<Index, 3>;
+
+// Whether the boundary leaves the domain's no more than it did if some faces take others' place.
+bool may_replace(const LiveMesh& mesh, const Shape& shape, const std::vector<Face>& old,
+                 const std::vector<Face>& made) {
+    const auto sum = [&](const std::vector<Face>& faces) {
+        double total = 0.0;
+        for (const auto& [a, b, c] : faces) {
+            total += departure(shape, mesh.point(a), mesh.point(b), mesh.point(c));
+        }
+        return total;
+    };
+    const double departs = sum(made);
+    return departs == 0.0 || departs <= sum(old);
+}
+
+// The two faces of the edge (a, b) may become those of the edge across.
+bool may_turn(const LiveMesh& mesh, const Shape& shape, Index a, Index b, const Ring& ring) {
+    const Index u = ring.first();
+    const Index w = ring.last();
+    return may_replace(mesh, shape, {{a, b, u}, {a, w, b}}, {{a, w, u}, {b, u, w}});
 }
 
 bool lay_on(LiveMesh& mesh, const Tet& tet) {
@@ -161,8 +181,7 @@ bool split_face(LiveMesh& mesh, Index t, std::size_t corner) {
 bool peel_edge(LiveMesh& mesh, const Shape& shape, Index a, Index b) {
     const auto ring = ridge(mesh, a, b);
     if (!ring || ring->tet_count != 1 || mesh.around(a).size() < 2 || mesh.around(b).size() < 2 ||
-        !follows(mesh, shape, a, ring->last(), ring->first()) ||
-        !follows(mesh, shape, b, ring->first(), ring->last())) {
+        !may_turn(mesh, shape, a, b, *ring)) {
         return false;
     }
     const Tet tet = mesh.tet(ring->tets[0]);
@@ -177,8 +196,8 @@ bool fill_valley(LiveMesh& mesh, const Shape& shape, Index a, Index b) {
     }
     const Index u = ring->first();
     const Index w = ring->last();
-    return !are_joined(mesh, u, w) && follows(mesh, shape, a, w, u) &&
-           follows(mesh, shape, b, u, w) && lay_on(mesh, {a, b, w, u});
+    return !are_joined(mesh, u, w) && may_turn(mesh, shape, a, b, *ring) &&
+           lay_on(mesh, {a, b, w, u});
 }
 
 bool level_vertex(LiveMesh& mesh, const Shape& shape, Index v) {
@@ -191,7 +210,7 @@ bool level_vertex(LiveMesh& mesh, const Shape& shape, Index v) {
     const Index b = fan[0].to;
     const Index c = fan[1].from == b ? fan[1].to : fan[2].to;
     if (mesh.is_locked(a) || mesh.is_locked(b) || mesh.is_locked(c) ||
-        !follows(mesh, shape, a, b, c)) {
+        !may_replace(mesh, shape, {{v, a, b}, {v, b, c}, {v, c, a}}, {{a, b, c}})) {
         return false;
     }
     if (mesh.around(v).size() == 1) {
@@ -199,7 +218,11 @@ bool level_vertex(LiveMesh& mesh, const Shape& shape, Index v) {
         mesh.remove(mesh.around(v)[0]);
         return have_one_fan(mesh, tet);
     }
-    return lay_on(mesh, {v, a, b, c});
+    if (!lay_on(mesh, {v, a, b, c})) {
+        return false;
+    }
+    mesh.bury(v);
+    return true;
 }
 
 }  // namespace remesh::improve

@@ -18,8 +18,13 @@ constexpr std::size_t kBlock = 64;
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
     {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
 
-double tet_sine(const LiveMesh& mesh, const Tet& t) {
-    return dihedral_sine(mesh.point(t[0]), mesh.point(t[1]), mesh.point(t[2]), mesh.point(t[3]));
+// Worst dihedral sine, but no more than twice the radius ratio: needles have fair dihedrals.
+double tet_score(const LiveMesh& mesh, const Tet& t) {
+    const Vec3& a = mesh.point(t[0]);
+    const Vec3& b = mesh.point(t[1]);
+    const Vec3& c = mesh.point(t[2]);
+    const Vec3& d = mesh.point(t[3]);
+    return std::min(dihedral_sine(a, b, c, d), 2.0 * radius_ratio(a, b, c, d));
 }
 
 bool is_boundary_face(const LiveMesh& mesh, Index t, std::size_t corner) {
@@ -36,7 +41,7 @@ bool is_boundary_face(const LiveMesh& mesh, Index t, std::size_t corner) {
 // Of a tet and its boundary triangles, as far as below `limit`.
 double score(const LiveMesh& mesh, Index t, double limit) {
     const auto& tet = mesh.tet(t);
-    double worst = tet_sine(mesh, tet);
+    double worst = tet_score(mesh, tet);
     for (std::size_t corner = 0; corner < 4; ++corner) {
         const Index a = tet[kFaces[corner][0]];
         const Index b = tet[kFaces[corner][1]];
@@ -100,6 +105,7 @@ public:
     // Returns whether something helped; `touched()` says what it changed.
     bool thoroughly(Index t) {
         const Tet tet = mesh_.tet(t);
+        look_around(tet);
         for (const auto& [i, j] : kEdges) {
             for (const auto& [v, w] : {std::pair{tet[i], tet[j]}, std::pair{tet[j], tet[i]}}) {
                 if (attempt(t, [&] { return contract_edge(mesh_, shape_, v, w); })) {
@@ -232,20 +238,49 @@ private:
 
     // Smoothing and flips judge angles only: they might fold the boundary over.
     bool is_boundary_sound() {
-        for (const Index t : touched_) {
+        return departure_of(touched_) == 0.0 ||
+               departure_of(tets_around(region_, touched_)) <= departed_ + 1e-9;
+    }
+
+    // Sum over the boundary faces of some tets.
+    [[nodiscard]] double departure_of(const std::vector<Index>& tets) const {
+        double sum = 0.0;
+        for (const Index t : tets) {
             const auto& tet = mesh_.tet(t);
-            for (const auto& face : kFaces) {
-                const Index a = tet[face[0]];
-                const Index b = tet[face[1]];
-                const Index c = tet[face[2]];
+            for (std::size_t corner = 0; corner < 4; ++corner) {
+                const Index a = tet[kFaces[corner][0]];
+                const Index b = tet[kFaces[corner][1]];
+                const Index c = tet[kFaces[corner][2]];
                 if (mesh_.on_boundary(a) && mesh_.on_boundary(b) && mesh_.on_boundary(c) &&
-                    is_boundary_face(mesh_, t, static_cast<std::size_t>(&face - kFaces.data())) &&
-                    !follows_boundary(shape_, mesh_.point(a), mesh_.point(b), mesh_.point(c))) {
-                    return false;
+                    is_boundary_face(mesh_, t, corner)) {
+                    sum += departure(shape_, mesh_.point(a), mesh_.point(b), mesh_.point(c));
                 }
             }
         }
-        return true;
+        return sum;
+    }
+
+    // Tets at some vertices, and `more`, without repeats.
+    [[nodiscard]] std::vector<Index> tets_around(const std::vector<Index>& vertices,
+                                                 std::vector<Index> more) const {
+        for (const Index v : vertices) {
+            const auto around = mesh_.around(v);
+            more.insert(more.end(), around.begin(), around.end());
+        }
+        std::sort(more.begin(), more.end());
+        more.erase(std::unique(more.begin(), more.end()), more.end());
+        return more;
+    }
+
+    // Where an operation on a tet may change the boundary, and what that is like now.
+    void look_around(const Tet& tet) {
+        region_.clear();
+        for (const Index t : tets_around({tet.begin(), tet.end()}, {})) {
+            region_.insert(region_.end(), mesh_.tet(t).begin(), mesh_.tet(t).end());
+        }
+        std::sort(region_.begin(), region_.end());
+        region_.erase(std::unique(region_.begin(), region_.end()), region_.end());
+        departed_ = departure_of(tets_around(region_, {}));
     }
 
     void find_bad() {
@@ -269,6 +304,8 @@ private:
     std::vector<Index> touched_{};
     std::vector<Bad> bad_{};
     std::int64_t attempts_ = 0;
+    std::vector<Index> region_{};  // Vertices around the tet of a thorough visit,
+    double departed_ = 0.0;        // and by how much the boundary there left the domain's.
 };
 
 }  // namespace

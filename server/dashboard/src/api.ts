@@ -99,7 +99,7 @@ export interface Job {
     create_time: string;
     start_time?: string;
     end_time?: string;
-    failure?: { reason?: string; message?: string; retryable?: boolean; stage?: string };
+    failure?: { reason?: string; message?: string; retryable?: boolean; stage?: string; outputs?: Output[] };
     result?: {
         outputs?: Output[];
         quality?: Quality;

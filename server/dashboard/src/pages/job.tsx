@@ -130,7 +130,7 @@ function Heading(props: { job: Job; link: Link }) {
                     {problem}
                 </p>
             )}
-            <Downloads outputs={job.result?.outputs ?? []} />
+            <Downloads outputs={(job.result ?? job.failure)?.outputs ?? []} />
         </>
     );
 }

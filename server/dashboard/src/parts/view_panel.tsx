@@ -31,7 +31,7 @@ const largestInput = 60e6;
 /** The body in 3-D: as it came, while it relaxes, and as it left. */
 export function ViewPanel(props: { model: JobModel; job: Job }) {
     const { model, job } = props;
-    const outputs = job.result?.outputs ?? [];
+    const outputs = (job.result ?? job.failure)?.outputs ?? [];
     const surface = outputs.find((output) => output.kind === 'KIND_PREVIEW');
     const tets = outputs.find((output) => output.kind === 'KIND_PREVIEW_TETRAHEDRA');
     const inputKind = kindOfInput(job);
