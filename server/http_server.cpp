@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/http/call.h"
+#include "server/http/certificates.h"
 #include "server/http/gateway.h"
 #include "server/http/pages.h"
 #include "server/http/respond.h"
@@ -20,8 +21,16 @@ constexpr time_t kReadTimeoutSeconds = 30;
 constexpr time_t kWriteTimeoutSeconds = 30;
 constexpr time_t kKeepAliveSeconds = 5;
 
-std::unique_ptr<httplib::Server> make_server(const HttpOptions& options) {
-    if (options.tls_certificate.empty()) {
+std::unique_ptr<http::Certificates> read_certificates(const HttpOptions& options) {
+    return options.tls_certificate.empty()
+               ? nullptr
+               : std::make_unique<http::Certificates>(options.tls_certificate, options.tls_key,
+                                                      options.tls_refresh);
+}
+
+std::unique_ptr<httplib::Server> make_server(const HttpOptions& options,
+                                             http::Certificates* certificates) {
+    if (certificates == nullptr) {
         return std::make_unique<httplib::Server>();
     }
     auto server = std::make_unique<httplib::SSLServer>(options.tls_certificate.c_str(),
@@ -30,6 +39,7 @@ std::unique_ptr<httplib::Server> make_server(const HttpOptions& options) {
         throw std::runtime_error("can't use the TLS certificate " + options.tls_certificate +
                                  " and its key for HTTP");
     }
+    certificates->serve(server->ssl_context());
     return server;
 }
 
@@ -38,7 +48,8 @@ std::unique_ptr<httplib::Server> make_server(const HttpOptions& options) {
 HttpServer::HttpServer(const HttpOptions& options, Sources sources)
     : sources_(std::move(sources)),
       gateway_(std::make_unique<http::Gateway>(sources_.api, options.access)),
-      server_(make_server(options)) {
+      certificates_(read_certificates(options)),
+      server_(make_server(options, certificates_.get())) {
     server_->new_task_queue = [] { return new http::TaskQueue(kMaxThreads); };
     server_->set_read_timeout(kReadTimeoutSeconds);
     server_->set_write_timeout(kWriteTimeoutSeconds);

@@ -3,6 +3,7 @@
 #include <grpcpp/channel.h>
 #include <grpcpp/support/status.h>
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
@@ -17,14 +18,16 @@ class Server;
 namespace remesh {
 
 namespace http {
+class Certificates;
 class Gateway;
-}
+}  // namespace http
 
 struct HttpOptions {
     std::string address{};  ///< HOST:PORT, port 0 for any.
     http::AccessRules access{};
     std::string tls_certificate{};  ///< PEM file, with tls_key; empty: plain HTTP.
     std::string tls_key{};
+    std::chrono::milliseconds tls_refresh{10'000};  ///< The files are looked at so often.
 };
 
 /// The HTTP port: the dashboard and its API, metrics, and /healthz (the process lives) and /readyz
@@ -59,6 +62,7 @@ private:
 
     Sources sources_;
     std::unique_ptr<http::Gateway> gateway_;
+    std::unique_ptr<http::Certificates> certificates_;
     std::unique_ptr<httplib::Server> server_;
     int port_ = 0;
     std::jthread thread_;

@@ -274,8 +274,10 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
         download->start(artifacts_->DownloadArtifact(download->context(), get));
         return download;
     };
-    // The size comes first; the bytes when httplib knows which range is wanted.
-    const auto probe = open(0, 1);
+    // The first answer tells the size. Without a range it's the beginning of all; else httplib says
+    // which part is wanted, once it knows the size.
+    const bool is_whole = !request.has_header("Range");
+    auto probe = open(0, is_whole ? 0 : 1);
     v1::DownloadArtifactResponse first;
     if (!probe->read(&first)) {
         refuse(response, probe->finish());
@@ -292,14 +294,28 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
         response.set_content("", type);
         return;
     }
+    if (!is_whole) {
+        probe.reset();
+    }
     response.set_content_provider(
-        size, type, [open](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+        size, type,
+        [open, probe, first](std::size_t offset, std::size_t length,
+                             httplib::DataSink& sink) mutable {
+            const auto send = [&sink](const std::string& bytes) {
+                return sink.write(bytes.data(), bytes.size());
+            };
             try {
-                const auto download =
-                    open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
+                auto download = std::exchange(probe, nullptr);
                 v1::DownloadArtifactResponse chunk;
+                if (download && !send(first.data())) {
+                    return false;
+                }
+                if (!download) {
+                    download =
+                        open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
+                }
                 while (download->read(&chunk)) {
-                    if (!sink.write(chunk.data().data(), chunk.data().size())) {
+                    if (!send(chunk.data())) {
                         return false;
                     }
                 }

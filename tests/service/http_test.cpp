@@ -2,6 +2,8 @@
 #include <nlohmann/json.hpp>
 
 #include <atomic>
+#include <chrono>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,7 +11,9 @@
 #include "core/error.h"
 #include "server/http_server.h"
 #include "server/store/digest.h"
+#include "tests/support/certificates.h"
 #include "tests/support/scripted_engine.h"
+#include "tests/support/temporary_directory.h"
 #include "tests/support/test_server.h"
 
 // Last: it brings resolv.h, whose macro _res is a name in Eigen's headers.
@@ -279,17 +283,19 @@ class SignInTest : public ::testing::Test {
 protected:
     void SetUp() override {
         api_ = grpc::ServerBuilder().RegisterService(&jobs_).BuildAndStart();
-        http_ = std::make_unique<HttpServer>(
-            HttpOptions{.address = "127.0.0.1:0"},
-            HttpServer::Sources{.api = api_->InProcessChannel({}),
-                                .is_ready = [] { return true; },
-                                .metrics = [] { return std::string(); },
-                                .count_response = [](int) {}});
+        http_ = std::make_unique<HttpServer>(HttpOptions{.address = "127.0.0.1:0"}, sources());
         client_ = std::make_unique<httplib::Client>("127.0.0.1", http_->port());
     }
     void TearDown() override {
         http_.reset();
         api_->Shutdown();
+    }
+
+    HttpServer::Sources sources() {
+        return {.api = api_->InProcessChannel({}),
+                .is_ready = [] { return true; },
+                .metrics = [] { return std::string(); },
+                .count_response = [](int) {}};
     }
 
     GuardedJobs jobs_;
@@ -342,6 +348,53 @@ TEST_F(SignInTest, TakesNoTokenThatBreaksOutOfItsCookie) {
 
     EXPECT_EQ(reply->status, 401);
     EXPECT_FALSE(reply->has_header("Set-Cookie"));
+}
+
+TEST_F(SignInTest, ServesACertificateThatWasRenewed) {
+    const TemporaryDirectory directory;
+    const auto path = [&](const char* name) { return (directory.path() / name).string(); };
+    const auto write = [&](const char* name, const std::string& content) {
+        std::ofstream(path(name)) << content;
+        return path(name);
+    };
+    const Authority first;
+    const Authority second;
+    const Identity old = first.issue("IP:127.0.0.1");
+    const Identity renewed = second.issue("IP:127.0.0.1");
+    const HttpServer server(HttpOptions{.address = "127.0.0.1:0",
+                                        .tls_certificate = write("server.pem", old.certificate),
+                                        .tls_key = write("server.key", old.key),
+                                        .tls_refresh = std::chrono::milliseconds(0)},
+                            sources());
+    const auto is_trusted_by = [&](const Authority& authority) {
+        httplib::SSLClient client("127.0.0.1", server.port());
+        client.set_ca_cert_path(write("ca.pem", authority.certificate()).c_str());
+        const auto reply = client.Get("/healthz");
+        return reply && reply->status == 200;
+    };
+
+    EXPECT_TRUE(is_trusted_by(first));
+    EXPECT_FALSE(is_trusted_by(second));
+    write("server.key", renewed.key);  // doesn't fit its certificate yet
+    EXPECT_TRUE(is_trusted_by(first));
+    write("server.pem", renewed.certificate);
+    EXPECT_TRUE(is_trusted_by(second));
+    EXPECT_FALSE(is_trusted_by(first));
+}
+
+TEST_F(SignInTest, DoesntStartWithAKeyThatIsntItsCertificates) {
+    const TemporaryDirectory directory;
+    const Authority authority;
+    const std::string certificate = directory.path() / "server.pem";
+    const std::string key = directory.path() / "server.key";
+    std::ofstream(certificate) << authority.issue("IP:127.0.0.1").certificate;
+    std::ofstream(key) << authority.issue("IP:127.0.0.1").key;
+
+    EXPECT_THROW(
+        HttpServer(
+            HttpOptions{.address = "127.0.0.1:0", .tls_certificate = certificate, .tls_key = key},
+            sources()),
+        std::runtime_error);
 }
 
 }  // namespace
