@@ -19,7 +19,7 @@ constexpr double kBandWidth = 1.4142135623730951;
 constexpr double kBandRadius = 0.7;   // Sites of a band keep this far over h from other points.
 constexpr double kGradedWall = 0.55;  // Over h: distance from the boundary where h varies.
 constexpr double kDartRadius = 0.8;   // Between the bands darts fill the gaps,
-constexpr int kDartLevels = 4;        // in cells of h and three halvings.
+constexpr int kDartLevels = 2;        // in cells of h and their halves.
 constexpr double kHalfDiagonal = 0.8660254037844386;
 
 // Fills the parts of a body where h varies. Serial: each point depends on those before it.
@@ -112,12 +112,10 @@ private:
 
     // No dart in the cell can stay.
     [[nodiscard]] bool is_lost(const Cell& cell) const {
-        const double offset = (cell.middle - cell.known.x).norm();
-        const double radius = kHalfDiagonal * cell.size;
-        const double nearest = cell.known.distance - offset - radius;
-        const double farthest = cell.known.distance + offset + radius;
-        return farthest < kGradedWall * cell.least_h || (!cell.known.is_inside && nearest > 0.0) ||
-               (shell_ && nearest > *shell_ * sizing_.h_max()) ||
+        const double reach = (cell.middle - cell.known.x).norm() + kHalfDiagonal * cell.size;
+        const double depth = cell.known.is_inside ? cell.known.distance : -cell.known.distance;
+        return depth + reach < kGradedWall * cell.least_h ||
+               (shell_ && depth - reach > *shell_ * sizing_.h_max()) ||
                cell.least_h >= kPlateau * sizing_.h_max();
     }
 

@@ -59,30 +59,33 @@ void expect_same(const TetMesh& a, const TetMesh& b) {
     }
 }
 
-void expect_same_from(std::initializer_list<int> stops, const SurfaceMesh& input,
-                      const RemeshOptions& options) {
+/// \param shares  of the samples of a run, in (0, 1): where it is stopped
+RemeshResult expect_same_from(std::initializer_list<double> shares, const SurfaceMesh& input,
+                              const RemeshOptions& options) {
     RunContext run;
-    const RemeshResult whole = run_pipeline(input, options, run);
-    for (const int stop_at : stops) {
-        ASSERT_LT(static_cast<std::size_t>(stop_at), run.samples().size());
+    RemeshResult whole = run_pipeline(input, options, run);
+    for (const double share : shares) {
+        const auto stop_at = static_cast<int>(share * static_cast<double>(run.samples().size()));
         const std::string saved = saved_at(stop_at, input, options);
         std::size_t samples = 0;
         expect_same(resumed(saved, input, options, samples).tets, whole.tets);
         EXPECT_EQ(samples, run.samples().size());
     }
+    return whole;
 }
 
 TEST(Resume, EndsAsAnUndisturbedRunWhereEdgesAreSharp) {
     RemeshOptions options;
     options.edge_length = 0.15;
-    expect_same_from({3, 20, 60, 90}, testing::l_shape(), options);
+    expect_same_from({0.03, 0.2, 0.6, 0.9}, testing::l_shape(), options);
 }
 
 TEST(Resume, EndsAsAnUndisturbedRunThatHadToCoarsen) {
     RemeshOptions options;
     options.edge_length = 0.2;
     options.max_tets = 3'000;
-    expect_same_from({10, 60, 150}, testing::icosphere(3), options);
+    const auto whole = expect_same_from({0.1, 0.5, 0.9}, testing::icosphere(3), options);
+    EXPECT_EQ(whole.report.coarsened_from, 0.2);
 }
 
 }  // namespace
