@@ -27,7 +27,7 @@ before(async () => {
     mkdirSync(SCREENSHOTS, { recursive: true });
     browser = await chromium.launch({
         executablePath: CHROMIUM,
-        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage'],
+        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage', '--disable-gpu-compositing'],
     });
     server = new TestServer();
     await server.start();
