@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/stages/improve/boundary_guard.h"
 #include "core/stages/improve/flips.h"
 #include "core/stages/improve/measures.h"
 #include "core/stages/improve/part.h"
@@ -109,15 +110,15 @@ QualityCounts count_quality(std::size_t n, TetAt tet_at, PointAt point) {
 // One round: from the carved mesh to an improved part of it.
 class Round {
 public:
-    Round(const CarveResult& carved, const std::vector<Index>& anchor,
-          const std::vector<std::uint8_t>& frozen, const improve::Shape& shape,
-          const ImproveOptions& options, RunContext& run)
+    Round(const improve::Whole& carved, const std::vector<std::uint8_t>& frozen,
+          const improve::Shape& shape, const ImproveOptions& options, RunContext& run)
         : carved_(carved),
           shape_(shape),
           options_(options),
           plan_(plan_for(options)),
           run_(run),
-          part_(improve::cut_part(carved, anchor, frozen, options.flip_below, run)),
+          part_(improve::cut_part(carved,
+                                  improve::near_boundary(carved, frozen, options.flip_below, run))),
           untouched_(count_quality(
               carved.mesh.tets.size(),
               [&](std::size_t t) { return part_.is_inside[t] ? nullptr : &carved.mesh.tets[t]; },
@@ -185,7 +186,7 @@ private:
         run_.report(fraction);
     }
 
-    const CarveResult& carved_;
+    const improve::Whole& carved_;
     const improve::Shape& shape_;
     const ImproveOptions& options_;
     Plan plan_;
@@ -196,6 +197,35 @@ private:
     std::int64_t collapses_ = 0;
     std::int64_t splits_ = 0;
 };
+
+// What had been frozen is improved at last, one operation at a time, where it crosses nothing.
+improve::Assembled thawed(improve::Assembled all, const std::vector<std::uint8_t>& frozen,
+                          const improve::Shape& shape, const Plan& plan, RunContext& run) {
+    constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
+    std::vector<std::uint8_t> wanted(all.mesh.vertices.size(), 0);
+    for (const Tet& tet : all.mesh.tets) {
+        const bool is_cold = std::any_of(tet.begin(), tet.end(), [&](Index v) {
+            return at(v) < frozen.size() && frozen[at(v)] != 0;
+        });
+        for (std::size_t k = 0; k < 4 && is_cold; ++k) {
+            wanted[at(tet[k])] = 1;
+        }
+    }
+    const improve::Whole whole{all.mesh, all.kind, all.anchor};
+    auto part = improve::cut_part(whole, improve::around(whole, wanted));
+    if (part.mesh.slot_count() > kMostTets) {
+        return all;
+    }
+    const improve::BoundaryGuard guard(whole, part);
+    improve::WorstFirst worst(part.mesh, shape, plan.goal, plan.thorough_goal, &guard);
+    for (int pass = 0; pass < plan.worst_first_passes; ++pass) {
+        if (worst.thorough_pass(run).changes() == 0) {
+            break;
+        }
+    }
+    auto result = improve::put_back(whole, part);
+    return check_tets(result.mesh, run).any() ? all : result;
+}
 
 // Freezes faulty vertices and `rings` rings of tets around them. Inserted vertices can't be frozen,
 // as the next round starts without them, but their neighbours can.
@@ -298,6 +328,7 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
     }
 
     const improve::Shape shape{domain, features};
+    const improve::Whole whole{carved.mesh, carved.kind, anchor};
     std::vector<std::uint8_t> frozen(carved.mesh.vertices.size(), 0);
     for (int attempt = 1; attempt <= kMaxRounds; ++attempt) {
         if (attempt == kMaxRounds) {
@@ -305,11 +336,14 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
                 frozen[v] = frozen[v] || carved.kind[v] != ParticleKind::Volume;
             }
         }
-        Round round(carved, anchor, frozen, shape, options, run);
+        Round round(whole, frozen, shape, options, run);
         round.run();
-        auto all = improve::put_back(carved, anchor, round.part());
+        auto all = improve::put_back(whole, round.part());
         const Faults faults = check_tets(all.mesh, run);
         if (!faults.any()) {
+            if (attempt > 1) {
+                all = thawed(std::move(all), frozen, shape, plan_for(options), run);
+            }
             auto result = compacted(std::move(all));
             result.flips = round.flips();
             result.collapses = round.collapses();

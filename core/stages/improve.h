@@ -44,7 +44,8 @@ struct ImproveResult {
 /// Volume vertices move freely, surface vertices are projected to the domain, curve vertices slide
 /// along their curves, corners stay. The result is checked exactly for inversions, manifoldness and
 /// self-intersection; where a check fails, the vertices there and a growing ring are frozen and the
-/// improvement starts again from the carved mesh. The last resort moves no surface vertex.
+/// improvement starts again from the carved mesh. The last resort moves no surface vertex. At last
+/// what was frozen is improved, too, one operation at a time, each checked against the boundary.
 /// Energy: phi = sum(l^2) / (12 (3V)^(2/3)) over tets, and its 2-D sibling over boundary triangles.
 /// Same bytes for any number of threads.
 ///

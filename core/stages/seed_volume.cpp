@@ -19,7 +19,7 @@ constexpr double kBandWidth = 1.4142135623730951;
 constexpr double kBandRadius = 0.7;   // Sites of a band keep this far over h from other points.
 constexpr double kGradedWall = 0.55;  // Over h: distance from the boundary where h varies.
 constexpr double kDartRadius = 0.8;   // Between the bands darts fill the gaps,
-constexpr int kDartLevels = 2;        // in cells of h and their halves.
+constexpr int kDartLevels = 3;        // in cells of h and two halvings.
 constexpr double kHalfDiagonal = 0.8660254037844386;
 
 // Fills the parts of a body where h varies. Serial: each point depends on those before it.

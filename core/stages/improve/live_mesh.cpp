@@ -174,6 +174,16 @@ void LiveMesh::touched(std::vector<Index>& tets) const {
     tets.erase(std::unique(tets.begin(), tets.end()), tets.end());
 }
 
+bool LiveMesh::is_boundary_face(Index t, std::size_t corner) const {
+    const Index a = tet(t)[kFaces[corner][0]];
+    const Index b = tet(t)[kFaces[corner][1]];
+    const Index c = tet(t)[kFaces[corner][2]];
+    const auto others = around(a);
+    return on_boundary(a) && on_boundary(b) && on_boundary(c) &&
+           std::none_of(others.begin(), others.end(),
+                        [&](Index s) { return s != t && has(tet(s), b) && has(tet(s), c); });
+}
+
 void LiveMesh::boundary_fan(Index v, std::vector<LinkEdge>& edges) const {
     edges.clear();
     for (const Index t : around(v)) {

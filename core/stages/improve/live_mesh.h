@@ -81,6 +81,8 @@ public:
     /// `tets` is replaced; sorted, without repeats.
     void touched(std::vector<Index>& tets) const;
 
+    /// Whether the face opposite of a corner has no tet behind it.
+    [[nodiscard]] bool is_boundary_face(Index t, std::size_t corner) const;
     /// Boundary triangles at a vertex, as edges of its link. `edges` is replaced.
     void boundary_fan(Index v, std::vector<LinkEdge>& edges) const;
     /// Whether the boundary triangles at a vertex are one closed fan (or there are none).

@@ -14,7 +14,7 @@ constexpr std::uint8_t kDepth = 3;
 constexpr std::uint8_t kFar = 255;
 
 // Steps along tets from the boundary, or from bad tets, which count as `kDepth - 1` deep.
-std::vector<std::uint8_t> depths(const CarveResult& whole, double limit, const RunContext& run) {
+std::vector<std::uint8_t> depths(const Whole& whole, double limit, const RunContext& run) {
     const auto& tets = whole.mesh.tets;
     std::vector<std::uint8_t> depth(whole.mesh.vertices.size(), kFar);
     for (std::size_t v = 0; v < depth.size(); ++v) {
@@ -107,22 +107,44 @@ void append_sorted(std::vector<Tet> tets, LiveMesh& mesh) {
 
 }  // namespace
 
-Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
-              const std::vector<std::uint8_t>& frozen, double limit, const RunContext& run) {
-    const auto& tets = whole.mesh.tets;
+Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen, double limit,
+                  const RunContext& run) {
     const auto depth = depths(whole, limit, run);
+    Cut cut{std::vector<std::uint8_t>(whole.mesh.tets.size(), 0), frozen};
+    for (std::size_t t = 0; t < cut.is_inside.size(); ++t) {
+        const auto& tet = whole.mesh.tets[t];
+        cut.is_inside[t] =
+            std::any_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] < kDepth; });
+    }
+    for (std::size_t v = 0; v < depth.size(); ++v) {
+        cut.is_locked[v] = frozen[v] || depth[v] >= kDepth;
+    }
+    return cut;
+}
+
+Cut around(const Whole& whole, const std::vector<std::uint8_t>& wanted) {
+    Cut cut{std::vector<std::uint8_t>(whole.mesh.tets.size(), 0), wanted};
+    for (std::size_t t = 0; t < cut.is_inside.size(); ++t) {
+        const auto& tet = whole.mesh.tets[t];
+        cut.is_inside[t] =
+            std::any_of(tet.begin(), tet.end(), [&](Index v) { return wanted[at(v)] != 0; });
+    }
+    for (auto& locked : cut.is_locked) {
+        locked = locked == 0;
+    }
+    return cut;
+}
+
+Part cut_part(const Whole& whole, Cut cut) {
+    const auto& tets = whole.mesh.tets;
     Part part;
-    part.is_inside.assign(tets.size(), 0);
+    part.is_inside = std::move(cut.is_inside);
     std::vector<std::uint8_t> used(whole.mesh.vertices.size(), 0);
     std::size_t count = 0;
     for (std::size_t t = 0; t < tets.size(); ++t) {
-        if (std::any_of(tets[t].begin(), tets[t].end(),
-                        [&](Index v) { return depth[at(v)] < kDepth; })) {
-            part.is_inside[t] = 1;
-            ++count;
-            for (const Index v : tets[t]) {
-                used[at(v)] = 1;
-            }
+        count += part.is_inside[t];
+        for (std::size_t k = 0; k < 4 && part.is_inside[t]; ++k) {
+            used[at(tets[t][k])] = 1;
         }
     }
 
@@ -130,10 +152,8 @@ Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
     std::vector<Index> local(whole.mesh.vertices.size(), kNone);
     part.mesh.reserve(part.origin.size(), count);
     for (const Index v : part.origin) {
-        // Deeper vertices have tets that aren't in the part.
-        const bool is_locked = frozen[at(v)] || depth[at(v)] >= kDepth;
         local[at(v)] = part.mesh.add_vertex(whole.mesh.vertices[at(v)], whole.kind[at(v)],
-                                            anchor[at(v)], is_locked);
+                                            whole.anchor[at(v)], cut.is_locked[at(v)] != 0);
     }
     std::vector<Tet> inside;
     inside.reserve(count);
@@ -148,8 +168,8 @@ Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
     return part;
 }
 
-Assembled put_back(const CarveResult& whole, const std::vector<Index>& anchor, const Part& part) {
-    Assembled all{whole.mesh, whole.kind, anchor};
+Assembled put_back(const Whole& whole, const Part& part) {
+    Assembled all{whole.mesh, whole.kind, whole.anchor};
     std::vector<Index> id = part.origin;
     for (std::size_t v = 0; v < part.mesh.vertex_count(); ++v) {
         const Index local = index(v);

@@ -3,25 +3,41 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/stages/carve.h"
-#include "core/stages/improve.h"
+#include "core/run_context.h"
 #include "core/stages/improve/live_mesh.h"
 
 namespace remesh::improve {
 
-/// The tets near the boundary and the bad ones elsewhere, cut out of a mesh: all others are fine
-/// and stay as they are. Numbered along a space-filling curve.
+/// A mesh that parts are cut out of.
+struct Whole {
+    const TetMesh& mesh;
+    const std::vector<ParticleKind>& kind;  ///< #V.
+    const std::vector<Index>& anchor;       ///< At least #V.
+};
+
+/// Which tets to cut out.
+struct Cut {
+    std::vector<std::uint8_t> is_inside{};  ///< Per tet.
+    std::vector<std::uint8_t> is_locked{};  ///< Per vertex: must neither move nor go. All vertices
+                                            ///< that have tets outside are.
+};
+
+/// The tets near the boundary and the bad ones elsewhere: all others are fine and stay as they are.
+/// \param frozen  per vertex: to be locked
+/// \param limit   tets with a radius ratio below this are bad
+[[nodiscard]] Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen,
+                                double limit, const RunContext& run);
+
+/// All tets at some vertices, of which no others move.
+[[nodiscard]] Cut around(const Whole& whole, const std::vector<std::uint8_t>& wanted);
+
+/// Tets cut out of a mesh, numbered along a space-filling curve.
 struct Part {
     LiveMesh mesh{};
     std::vector<Index> origin{};  ///< Vertex of the whole mesh of each vertex of the part.
     std::vector<std::uint8_t> is_inside{};  ///< Per tet of the whole mesh.
 };
-
-/// \param frozen  per vertex of the whole mesh: must neither move nor go
-/// \param limit   tets with a radius ratio below this are bad
-[[nodiscard]] Part cut_part(const CarveResult& whole, const std::vector<Index>& anchor,
-                            const std::vector<std::uint8_t>& frozen, double limit,
-                            const RunContext& run);
+[[nodiscard]] Part cut_part(const Whole& whole, Cut cut);
 
 /// The whole mesh with the part put back: the same vertices, then those that were inserted.
 struct Assembled {
@@ -29,7 +45,6 @@ struct Assembled {
     std::vector<ParticleKind> kind{};
     std::vector<Index> anchor{};
 };
-[[nodiscard]] Assembled put_back(const CarveResult& whole, const std::vector<Index>& anchor,
-                                 const Part& part);
+[[nodiscard]] Assembled put_back(const Whole& whole, const Part& part);
 
 }  // namespace remesh::improve

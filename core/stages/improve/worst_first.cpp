@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "core/stages/improve/boundary_guard.h"
 #include "core/stages/improve/collapse.h"
 #include "core/stages/improve/flips.h"
 #include "core/stages/improve/measures.h"
@@ -27,17 +28,6 @@ double tet_score(const LiveMesh& mesh, const Tet& t) {
     return std::min(dihedral_sine(a, b, c, d), 2.0 * radius_ratio(a, b, c, d));
 }
 
-bool is_boundary_face(const LiveMesh& mesh, Index t, std::size_t corner) {
-    const auto& tet = mesh.tet(t);
-    const Index a = tet[kFaces[corner][0]];
-    const Index b = tet[kFaces[corner][1]];
-    const Index c = tet[kFaces[corner][2]];
-    const auto around = mesh.around(a);
-    return std::none_of(around.begin(), around.end(), [&](Index s) {
-        return s != t && has(mesh.tet(s), b) && has(mesh.tet(s), c);
-    });
-}
-
 // Of a tet and its boundary triangles, as far as below `limit`.
 double score(const LiveMesh& mesh, Index t, double limit) {
     const auto& tet = mesh.tet(t);
@@ -47,11 +37,11 @@ double score(const LiveMesh& mesh, Index t, double limit) {
         const Index b = tet[kFaces[corner][1]];
         const Index c = tet[kFaces[corner][2]];
         if (!mesh.on_boundary(a) || !mesh.on_boundary(b) || !mesh.on_boundary(c)) {
-            continue;
+            continue;  // Faster than to ask for the sine.
         }
         const double sine =
             kTriangleScale * angle_sine(mesh.point(a), mesh.point(b), mesh.point(c));
-        if (sine < std::min(worst, limit) && is_boundary_face(mesh, t, corner)) {
+        if (sine < std::min(worst, limit) && mesh.is_boundary_face(t, corner)) {
             worst = sine;
         }
     }
@@ -86,9 +76,11 @@ std::vector<Bad> bad_tets(const LiveMesh& mesh, double goal) {
 // Operations on one bad tet.
 class Visit {
 public:
-    Visit(LiveMesh& mesh, const Shape& shape, double goal, double limit, WorstFirstResult& result)
+    Visit(LiveMesh& mesh, const Shape& shape, const BoundaryGuard* guard, double goal, double limit,
+          WorstFirstResult& result)
         : mesh_(mesh),
           shape_(shape),
+          guard_(guard),
           goal_(goal),
           limit_(limit),
           star_(kPower, 1.0),
@@ -197,7 +189,8 @@ private:
         const double old = std::max(score(mesh_, t, goal_), 0.0);
         mesh_.begin();
         ++attempts_;
-        if (operation() && settle() > old * kGain + 1e-4 && is_boundary_sound()) {
+        if (operation() && settle() > old * kGain + 1e-4 && is_boundary_sound() &&
+            (guard_ == nullptr || guard_->allows(mesh_, touched_))) {
             mesh_.commit();
             return true;
         }
@@ -251,8 +244,7 @@ private:
                 const Index a = tet[kFaces[corner][0]];
                 const Index b = tet[kFaces[corner][1]];
                 const Index c = tet[kFaces[corner][2]];
-                if (mesh_.on_boundary(a) && mesh_.on_boundary(b) && mesh_.on_boundary(c) &&
-                    is_boundary_face(mesh_, t, corner)) {
+                if (mesh_.is_boundary_face(t, corner)) {
                     sum += departure(shape_, mesh_.point(a), mesh_.point(b), mesh_.point(c));
                 }
             }
@@ -297,6 +289,7 @@ private:
 
     LiveMesh& mesh_;
     const Shape& shape_;
+    const BoundaryGuard* guard_;
     double goal_;
     double limit_;
     Star star_;
@@ -312,7 +305,7 @@ private:
 
 WorstFirstResult WorstFirst::simple_pass(const RunContext& run) {
     WorstFirstResult result;
-    Visit visit(mesh_, shape_, goal_, limit_, result);
+    Visit visit(mesh_, shape_, guard_, goal_, limit_, result);
     const auto bad = bad_tets(mesh_, goal_);
     for (std::size_t i = 0; i < bad.size(); ++i) {
         if (i % kBlock == 0) {
@@ -328,7 +321,7 @@ WorstFirstResult WorstFirst::simple_pass(const RunContext& run) {
 
 WorstFirstResult WorstFirst::thorough_pass(const RunContext& run) {
     WorstFirstResult result;
-    Visit visit(mesh_, shape_, goal_, limit_, result);
+    Visit visit(mesh_, shape_, guard_, goal_, limit_, result);
     ++pass_;
     const auto is_due = [&](Index t) {
         const auto& tet = mesh_.tet(t);

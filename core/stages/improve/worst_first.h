@@ -9,6 +9,8 @@
 
 namespace remesh::improve {
 
+class BoundaryGuard;
+
 struct WorstFirstResult {
     std::int64_t flips = 0;
     std::int64_t collapses = 0;
@@ -26,8 +28,10 @@ struct WorstFirstResult {
 class WorstFirst {
 public:
     /// \param limit  tets worse than this are worth more effort, <= goal
-    WorstFirst(LiveMesh& mesh, const Shape& shape, double goal, double limit)
-        : mesh_(mesh), shape_(shape), goal_(goal), limit_(limit) {}
+    /// \param guard  if given, asked before a thorough pass keeps anything
+    WorstFirst(LiveMesh& mesh, const Shape& shape, double goal, double limit,
+               const BoundaryGuard* guard = nullptr)
+        : mesh_(mesh), shape_(shape), goal_(goal), limit_(limit), guard_(guard) {}
 
     /// One visit to each bad tet: flips, smoothing, collapses, until one helps.
     WorstFirstResult simple_pass(const RunContext& run);
@@ -42,6 +46,7 @@ private:
     const Shape& shape_;
     double goal_;
     double limit_;
+    const BoundaryGuard* guard_;
     std::vector<std::int32_t> changed_in_{};  // Per vertex: the last pass that changed its star.
     std::int32_t pass_ = 0;
 };
