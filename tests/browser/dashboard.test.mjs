@@ -27,7 +27,7 @@ before(async () => {
     mkdirSync(SCREENSHOTS, { recursive: true });
     browser = await chromium.launch({
         executablePath: CHROMIUM,
-        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage'],
+        args: ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--disable-dev-shm-usage', '--disable-gpu-compositing'],
     });
     server = new TestServer();
     await server.start();
@@ -290,7 +290,7 @@ test('who has no token signs in, sees their own, and signs out', async () => {
 
 test('a phone shows all of it without scrolling sideways', async () => {
     await page.context().close();
-    page = await openPage({ viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
+    page = await openPage({ viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true });
     for (const address of ['/', '/new']) {
         await page.goto(server.url + address);
         await page.locator('h1').waitFor();

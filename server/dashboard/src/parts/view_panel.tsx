@@ -46,7 +46,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
     const source = chosen && available.includes(chosen) ? chosen : newest;
 
     const [measure, setMeasure] = useState<Measure>('quality');
-    const [clip, setClip] = useState<Clip>({ axis: 0, share: 0 });
+    const [clip, setClip] = useState<Clip>({ axis: 1, share: 0 });
     const [hasEdges, setEdges] = useState(true);
     const h = job.result?.quality?.edge_length ?? null;
 

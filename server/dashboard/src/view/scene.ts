@@ -44,8 +44,10 @@ interface Values {
 }
 
 const turnStep = Math.PI / 24;
-/** Corners whose triangle leans further than this from the mean stay sharp. */
-const cosOfSharp = Math.cos(Math.PI / 7);
+/** Corners whose triangle leans further than this from the mean stay sharp, as those of a box do. */
+const cosOfSharp = Math.cos((40 * Math.PI) / 180);
+/** The end of each axis that is nearer to the eye at first: from there it's cut away. */
+const cutFrom = [1, -1, 1] as const;
 
 export class Scene {
     private readonly renderer: WebGLRenderer;
@@ -59,7 +61,7 @@ export class Scene {
     private faces: TetFaces | null = null;
     private values: Values | null = null;
     private measure: Measure = 'quality';
-    private clip: Clip = { axis: 0, share: 0 };
+    private clip: Clip = { axis: 1, share: 0 };
     private hasEdges = true;
     private hasRoundings = false;
     /** What edge lengths are compared with, model units. */
@@ -77,10 +79,12 @@ export class Scene {
         this.renderer.localClippingEnabled = true;
         this.camera.up.set(0, 0, 1);
         const light = new DirectionalLight(0xffffff, 2.5);
-        light.position.set(-0.5, -0.4, 0.9);
+        light.position.set(-0.5, 0.5, 0.9);
         this.camera.add(light);
         this.stage.fog = this.fog;
-        this.stage.add(this.camera, new HemisphereLight(0xffffff, 0x8f8c88, 2.1), this.contents);
+        const sky = new HemisphereLight(0xffffff, 0x8f8c88, 2.1);
+        sky.position.set(0, 0, 1);
+        this.stage.add(this.camera, sky, this.contents);
         this.controls = new OrbitControls(this.camera, canvas);
         this.controls.enableDamping = false;
         this.controls.addEventListener('change', () => this.draw());
@@ -238,9 +242,11 @@ export class Scene {
         this.clear();
         const { low, high } = this.box();
         const axis = (['x', 'y', 'z'] as const)[this.clip.axis];
-        const limit = high[axis] - this.clip.share * (high[axis] - low[axis]);
+        const side = cutFrom[this.clip.axis];
+        const depth = this.clip.share * (high[axis] - low[axis]);
+        const limit = side * (side > 0 ? high[axis] - depth : low[axis] + depth);
         this.plane.normal.set(0, 0, 0);
-        this.plane.normal[axis] = -1;
+        this.plane.normal[axis] = -side;
         this.plane.constant = limit;
         if (this.content.kind === 'tets') {
             this.addTets(this.content.mesh, limit);
@@ -257,12 +263,13 @@ export class Scene {
         this.faces ??= new TetFaces(mesh);
         const { positions, tets } = mesh;
         const axis = this.clip.axis;
+        const side = cutFrom[axis];
         const isShown = (t: number) => {
             let sum = 0;
             for (let i = 0; i < 4; ++i) {
                 sum += positions[3 * tets[4 * t + i]! + axis]!;
             }
-            return sum / 4 <= limit || this.clip.share === 0;
+            return (side * sum) / 4 <= limit || this.clip.share === 0;
         };
         const { triangles, owner } = this.faces.boundary(isShown);
         this.addSurface(positions, triangles, (i) => owner[i]!, false);
