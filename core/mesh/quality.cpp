@@ -17,24 +17,6 @@ double tet_volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
     return (b - a).dot((c - a).cross(d - a)) / 6.0;
 }
 
-double tet_radius_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-    const Vec3 u = b - a;
-    const Vec3 v = c - a;
-    const Vec3 w = d - a;
-    const Vec3 vw = v.cross(w);
-    const Vec3 wu = w.cross(u);
-    const Vec3 uv = u.cross(v);
-    const double six_volumes = u.dot(vw);
-    const double twice_area = vw.norm() + wu.norm() + uv.norm() + (c - b).cross(d - b).norm();
-    const double twelve_volumes_radius =
-        (vw * u.squaredNorm() + wu * v.squaredNorm() + uv * w.squaredNorm()).norm();
-    if (!(twice_area > 0.0) || !(twelve_volumes_radius > 0.0)) {
-        return 0.0;
-    }
-    // r_in = 6V / (2A) and r_circ = (12 V R) / (2 * 6V).
-    return 6.0 * six_volumes * std::abs(six_volumes) / (twice_area * twelve_volumes_radius);
-}
-
 double triangle_radius_ratio(const Vec3& a, const Vec3& b, const Vec3& c) {
     const double la = (b - c).norm();
     const double lb = (c - a).norm();

@@ -96,7 +96,7 @@ QualityCounts count_quality(std::size_t n, TetAt tet_at, PointAt point) {
             for (std::size_t i = rows.begin(); i != rows.end(); ++i) {
                 if (const Tet* tet = tet_at(i)) {
                     const auto& [a, b, c, d] = *tet;
-                    counts.add(improve::radius_ratio(point(a), point(b), point(c), point(d)));
+                    counts.add(tet_radius_ratio(point(a), point(b), point(c), point(d)));
                 }
             }
             return counts;

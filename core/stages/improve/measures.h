@@ -3,32 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/mesh/mesh.h"
+#include "core/mesh/quality.h"
 
-// Inline twins of core/mesh/quality.h for the inner loops, all with the same contract: 1 (or the
-// regular tet's value) is best, 0 degenerate, < 0 inverted, scale-free.
+// Measures for the inner loops, all with one contract: the regular element's value is best, 0 is
+// degenerate, < 0 inverted; scale-free.
 namespace remesh::improve {
-
-/// Six times the volume; positive when positively oriented.
-inline double volume6(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-    return (b - a).dot((c - a).cross(d - a));
-}
-
-/// 3 r_in / r_circ.
-inline double radius_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-    const Vec3 u = b - a;
-    const Vec3 v = c - a;
-    const Vec3 w = d - a;
-    const Vec3 vw = v.cross(w);
-    const Vec3 wu = w.cross(u);
-    const Vec3 uv = u.cross(v);
-    const double volume = u.dot(vw);
-    const double areas = vw.norm() + wu.norm() + uv.norm() + (vw + wu + uv).norm();
-    const double circle =
-        (u.squaredNorm() * vw + v.squaredNorm() * wu + w.squaredNorm() * uv).norm();
-    const double below = areas * circle;
-    return below > 0.0 ? 6.0 * volume * std::abs(volume) / below : 0.0;
-}
 
 /// Sine of the dihedral angle farthest from 90 degrees; negative when inverted.
 inline double dihedral_sine(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
@@ -80,7 +59,7 @@ inline double angle_degrees(double sine) {
 /// What flips compare while the mean still matters.
 struct RadiusRatio {
     static double of(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
-        return radius_ratio(a, b, c, d);
+        return tet_radius_ratio(a, b, c, d);
     }
 };
 

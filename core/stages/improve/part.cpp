@@ -39,8 +39,8 @@ std::vector<std::uint8_t> depths(const Whole& whole, double limit, const RunCont
         const auto& tet = tets[t];
         const bool is_near =
             std::all_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] != kFar; });
-        is_bad[t] = !is_near && radius_ratio(points[at(tet[0])], points[at(tet[1])],
-                                             points[at(tet[2])], points[at(tet[3])]) < limit;
+        is_bad[t] = !is_near && tet_radius_ratio(points[at(tet[0])], points[at(tet[1])],
+                                                 points[at(tet[2])], points[at(tet[3])]) < limit;
     });
     for (std::size_t t = 0; t < tets.size(); ++t) {
         if (is_bad[t]) {

@@ -25,7 +25,7 @@ double tet_score(const LiveMesh& mesh, const Tet& t) {
     const Vec3& b = mesh.point(t[1]);
     const Vec3& c = mesh.point(t[2]);
     const Vec3& d = mesh.point(t[3]);
-    return std::min(dihedral_sine(a, b, c, d), 2.0 * radius_ratio(a, b, c, d));
+    return std::min(dihedral_sine(a, b, c, d), 2.0 * tet_radius_ratio(a, b, c, d));
 }
 
 // Of a tet and its boundary triangles, as far as below `limit`.
