@@ -86,7 +86,8 @@ v1::GetCapabilitiesResponse Connection::capabilities() {
 }
 
 v1::Job Connection::create_job(const v1::CreateJobRequest& request) {
-    return call(*this, stubs_->jobs, &v1::JobService::Stub::CreateJob, request);
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::CreateJob, request,
+                request.validate_only() ? kInspectionLimit : kUnaryLimit);
 }
 
 v1::Job Connection::get_job(const std::string& name) {
@@ -108,6 +109,10 @@ v1::Job Connection::cancel_job(const std::string& name) {
     v1::CancelJobRequest request;
     request.set_name(name);
     return call(*this, stubs_->jobs, &v1::JobService::Stub::CancelJob, request);
+}
+
+v1::Job Connection::retry_job(const v1::RetryJobRequest& request) {
+    return call(*this, stubs_->jobs, &v1::JobService::Stub::RetryJob, request);
 }
 
 void Connection::delete_job(const std::string& name) {

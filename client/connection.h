@@ -56,6 +56,7 @@ public:
     [[nodiscard]] v1::Inspection inspect(const v1::InspectArtifactRequest& request);
     [[nodiscard]] v1::ListJobsResponse list_jobs(const v1::ListJobsRequest& request);
     [[nodiscard]] v1::Job cancel_job(const std::string& name);
+    [[nodiscard]] v1::Job retry_job(const v1::RetryJobRequest& request);
     void delete_job(const std::string& name);
 
     /// Tries a call until it succeeds, one attempt at least.

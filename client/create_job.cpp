@@ -19,16 +19,34 @@ std::string random_id() {
     return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 
-}  // namespace
-
-v1::Job create_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
+v1::CreateJobRequest request_for(Connection& connection, const InputFile& file, v1::JobSpec spec) {
     upload(connection, file);
     *spec.mutable_input()->mutable_digest() = file.digest();
     spec.mutable_input()->set_file_name(file.name());
     v1::CreateJobRequest request;
     *request.mutable_spec() = std::move(spec);
+    return request;
+}
+
+}  // namespace
+
+v1::Job create_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
+    v1::CreateJobRequest request = request_for(connection, file, std::move(spec));
     request.set_request_id(random_id());
     return connection.create_job(request);
+}
+
+v1::Job estimate_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
+    v1::CreateJobRequest request = request_for(connection, file, std::move(spec));
+    request.set_validate_only(true);
+    return connection.create_job(request);
+}
+
+v1::Job retry_job(Connection& connection, const std::string& name) {
+    v1::RetryJobRequest request;
+    request.set_name(name);
+    request.set_request_id(random_id());
+    return connection.retry_job(request);
 }
 
 }  // namespace remesh::client

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "client/connection.h"
 #include "client/transfer.h"
 
@@ -9,5 +11,11 @@ namespace remesh::client {
 ///
 /// The request carries a random id, so that a call that is tried again makes no second job.
 [[nodiscard]] v1::Job create_job(Connection& connection, const InputFile& file, v1::JobSpec spec);
+
+/// Uploads `file` and has the server check the job, without making it. \return with an estimate
+[[nodiscard]] v1::Job estimate_job(Connection& connection, const InputFile& file, v1::JobSpec spec);
+
+/// Has a job that went wrong run again, as a new job.
+[[nodiscard]] v1::Job retry_job(Connection& connection, const std::string& name);
 
 }  // namespace remesh::client

@@ -64,6 +64,7 @@ void add_commands(CLI::App& app, Action& chosen) {
     add_show(app, chosen);
     add_get(app, chosen);
     add_cancel(app, chosen);
+    add_retry(app, chosen);
     add_delete(app, chosen);
     add_inspect(app, chosen);
     add_capabilities(app, chosen);

@@ -161,8 +161,13 @@ void add_improvement_options(CLI::App& command, v1::Options& options) {
                       [&](double x) { bounds.set_max_volume_change(x); });
 }
 
-void add_queue_options(CLI::App& command, v1::JobSpec& spec) {
+void add_queue_options(CLI::App& command, JobArguments& arguments) {
+    v1::JobSpec& spec = arguments.spec;
     command.option_defaults()->group("Job");
+    command.add_flag("--estimate", arguments.wants_estimate,
+                     "Only check, and say what it would need");
+    add_switch(command, "--skip-cache", "Run even if an equal job's result is there",
+               [&] { spec.set_skip_cache(true); });
     add_value<std::int32_t>(command, "--priority", "N", "Higher goes first, in [-100, 100]",
                             [&](std::int32_t x) { spec.set_priority(x); });
     add_value<double>(command, "--time-limit", "SECONDS", "Longest time to run", [&](double x) {
@@ -195,7 +200,7 @@ void add_job_arguments(CLI::App& command, JobArguments& arguments) {
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
     add_improvement_options(command, *spec.mutable_options());
-    add_queue_options(command, spec);
+    add_queue_options(command, arguments);
     command.option_defaults()->group("Options");
 }
 

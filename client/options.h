@@ -14,6 +14,7 @@ struct JobArguments {
     std::vector<std::string> inputs{};   ///< Paths; "-" is stdin.
     std::vector<std::string> formats{};  ///< Words for formats wanted back.
     v1::JobSpec spec{};                  ///< All but inputs and outputs.
+    bool wants_estimate = false;         ///< Only say what it would need.
 };
 
 /// Adds the inputs, --format, --input-format and every flag that says how to remesh.

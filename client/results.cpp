@@ -11,10 +11,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const auto& outputs_of(const v1::Job& job) {
-    return job.state() == v1::Job::STATE_FAILED ? job.failure().outputs() : job.result().outputs();
-}
-
 Failure no_such_output(const v1::Job& job, const std::string& wanted) {
     std::vector<std::string> there;
     for (const v1::Output& output : outputs_of(job)) {
@@ -46,6 +42,10 @@ const v1::Output* best_output(const v1::Job& job, Fits fits) {
 }
 
 }  // namespace
+
+const google::protobuf::RepeatedPtrField<v1::Output>& outputs_of(const v1::Job& job) {
+    return job.has_failure() ? job.failure().outputs() : job.result().outputs();
+}
 
 const v1::Output& output_in(const v1::Job& job, v1::Format format) {
     const auto* found =

@@ -15,6 +15,9 @@ struct Delivery {
     std::filesystem::path target{};
 };
 
+/// What a job made; of one that broke a bound, its drafts.
+[[nodiscard]] const google::protobuf::RepeatedPtrField<v1::Output>& outputs_of(const v1::Job& job);
+
 /// The output a format names: tets where there are both. \throws Failure{BadInput} if there is none
 [[nodiscard]] const v1::Output& output_in(const v1::Job& job, v1::Format format);
 

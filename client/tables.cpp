@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "client/json.h"
+#include "client/results.h"
 #include "client/text.h"
 
 namespace remesh::client {
@@ -154,6 +155,9 @@ std::string job_card(const v1::Job& job) {
         line("label", sanitised(key + "=" + value));
     }
     line("created", time_word(job.create_time()));
+    if (job.state() == v1::Job::STATE_QUEUED && job.has_estimated_start_time()) {
+        line("starts", "about " + time_word(job.estimated_start_time()));
+    }
     line("attempt",
          job.attempt() > 0 ? fmt::format("{} of {}", job.attempt(), job.max_attempts()) : "");
     if (job.has_failure()) {
@@ -161,12 +165,20 @@ std::string job_card(const v1::Job& job) {
              fmt::format("{} in {}: {}", sanitised(job.failure().reason()),
                          stage_word(job.failure().stage()), sanitised(job.failure().message())));
     }
-    for (const v1::Output& output : job.result().outputs()) {
-        line("output",
+    for (const v1::Output& output : outputs_of(job)) {
+        line(job.has_failure() ? "draft" : "output",
              fmt::format("{:<12} {:<20} {}", kind_word(output.kind()),
                          sanitised(output.file_name()), bytes_word(output.digest().size_bytes())));
     }
     return job.result().has_quality() ? text + "\n" + quality_table(job.result().quality()) : text;
+}
+
+std::string estimate_card(const std::string& title, const v1::Estimate& estimate) {
+    const double seconds = static_cast<double>(estimate.cpu_time().seconds()) +
+                           1e-9 * static_cast<double>(estimate.cpu_time().nanos());
+    return fmt::format("{}: about {} tets, {} of one processor, {} of memory\n", title,
+                       with_thousands(estimate.tets()), duration_word(seconds),
+                       bytes_word(estimate.memory_bytes()));
 }
 
 std::string batch_table(const std::vector<v1::Job>& jobs) {

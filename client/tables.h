@@ -18,6 +18,9 @@ namespace remesh::client {
 /// One job: where it stands, what was asked for, what came out.
 [[nodiscard]] std::string job_card(const v1::Job& job);
 
+/// What a job of a file would need. \param title  the file's name, safe to print
+[[nodiscard]] std::string estimate_card(const std::string& title, const v1::Estimate& estimate);
+
 /// One finished job a row, for a batch.
 [[nodiscard]] std::string batch_table(const std::vector<v1::Job>& jobs);
 

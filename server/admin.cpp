@@ -5,13 +5,17 @@
 #include <nlohmann/json.hpp>
 
 #include <cstdlib>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <unistd.h>
 
 #include "server/auth/access_store.h"
 #include "server/auth/audit_log.h"
+#include "server/store/data_dir.h"
+#include "server/store/sqlite_job_store.h"
 
 namespace remesh {
 namespace {
@@ -24,6 +28,10 @@ struct AdminFlags {
     std::string name{};
     int days = 0;  ///< 0: for ever.
     std::string head{};
+    std::optional<int> weight{};
+    std::string max_running{};  ///< A number, "default", or empty: as it is.
+    std::string max_queued{};
+    std::string max_bytes{};
 };
 
 std::string text_of(Time time) {
@@ -126,6 +134,58 @@ int verify_audit(const AdminFlags& flags) {
     return EXIT_SUCCESS;
 }
 
+/// The jobs' store of a server that was started once.
+std::unique_ptr<JobStore> open_jobs(const AdminFlags& flags) {
+    const std::filesystem::path file = std::filesystem::path(flags.data_dir) / "remesh.sqlite";
+    if (!std::filesystem::exists(file)) {
+        throw std::runtime_error("no server has used " + flags.data_dir + " yet");
+    }
+    prepare_data_dir(flags.data_dir);
+    return open_sqlite_store(file);
+}
+
+void print_policy(JobStore& store, const std::string& tenant) {
+    const TenantPolicy policy = store.policy(tenant);
+    nlohmann::ordered_json line{{"tenant", tenant}, {"weight", policy.weight}};
+    const auto add = [&](const char* name, const std::optional<std::int64_t>& limit) {
+        if (limit) {
+            line[name] = *limit;
+        }
+    };
+    add("max_running", policy.max_running);
+    add("max_queued", policy.max_queued);
+    add("max_bytes", policy.max_bytes);
+    line["stored_bytes"] = store.stored_bytes(tenant);
+    fmt::print("{}\n", line.dump());
+}
+
+int show_tenant(const AdminFlags& flags) {
+    print_policy(*open_jobs(flags), flags.tenant);
+    return EXIT_SUCCESS;
+}
+
+int set_tenant(const AdminFlags& flags) {
+    const auto store = open_jobs(flags);
+    TenantPolicy policy = store->policy(flags.tenant);
+    policy.weight = flags.weight.value_or(policy.weight);
+    const auto set = [](std::optional<std::int64_t>& limit, const std::string& word) {
+        if (word == "default") {
+            limit.reset();
+        } else if (!word.empty()) {
+            limit = std::stoll(word);
+        }
+    };
+    set(policy.max_running, flags.max_running);
+    set(policy.max_queued, flags.max_queued);
+    set(policy.max_bytes, flags.max_bytes);
+    store->set_policy(flags.tenant, policy);
+    AuditLog(flags.data_dir)
+        .append({system_now(), flags.tenant, "operator:" + std::to_string(::getuid()), "",
+                 "SetTenant", flags.tenant, "OK"});
+    print_policy(*store, flags.tenant);
+    return EXIT_SUCCESS;
+}
+
 CLI::App* add_command(CLI::App& parent, const std::string& name, const std::string& help,
                       const std::shared_ptr<AdminFlags>& flags, std::function<int()>& chosen,
                       std::function<int(const AdminFlags&)> action) {
@@ -151,11 +211,48 @@ void add_grant_flags(CLI::App& command, AdminFlags& flags) {
         ->check(CLI::PositiveNumber);
 }
 
+void add_limit(CLI::App& command, const std::string& name, std::string& word,
+               const std::string& help) {
+    command.add_option(name, word, help)
+        ->type_name("N|default")
+        ->check([](const std::string& text) {
+            const bool is_number = !text.empty() && text.size() <= 15 &&
+                                   text.find_first_not_of("0123456789") == std::string::npos;
+            return is_number || text == "default" ? std::string()
+                                                  : "must be a number >= 0 or default, got " + text;
+        });
+}
+
+void add_tenant(CLI::App& admin, const std::shared_ptr<AdminFlags>& flags,
+                std::function<int()>& chosen) {
+    CLI::App* tenant = admin.add_subcommand("tenant", "What a tenant may use");
+    tenant->require_subcommand(1);
+    const auto add_name = [&](CLI::App& command) {
+        command.add_option("TENANT", flags->tenant)->required()->check([](const std::string& name) {
+            return is_name(name)
+                       ? std::string()
+                       : "must have 1 to 64 lower-case letters, digits and hyphens, got " + name;
+        });
+    };
+    add_name(*add_command(*tenant, "show", "Print its share, limits and bytes as JSON", flags,
+                          chosen, show_tenant));
+    CLI::App* set = add_command(*tenant, "set", "Change its share or limits, at once", flags,
+                                chosen, set_tenant);
+    add_name(*set);
+    set->add_option("--weight", flags->weight,
+                    "Its share of the workers against others', 1 at first")
+        ->check(CLI::Range(1, 1000));
+    add_limit(*set, "--max-running", flags->max_running, "Jobs that run side by side");
+    add_limit(*set, "--max-queued", flags->max_queued, "Jobs that may wait");
+    add_limit(*set, "--max-bytes", flags->max_bytes, "Bytes that it may keep, inputs and results");
+}
+
 }  // namespace
 
 void add_admin(CLI::App& app, std::function<int()>& chosen) {
     const auto flags = std::make_shared<AdminFlags>();
-    CLI::App* admin = app.add_subcommand("admin", "Manage tokens, certificates and the audit log");
+    CLI::App* admin =
+        app.add_subcommand("admin", "Manage tokens, certificates, tenants and the audit log");
     admin->require_subcommand(1);
 
     CLI::App* token = admin->add_subcommand("token", "Bearer tokens");
@@ -183,6 +280,8 @@ void add_admin(CLI::App& app, std::function<int()>& chosen) {
     add_command(*certificate, "revoke", "Stop letting a name in", flags, chosen, revoke)
         ->add_option("ID", flags->name, "As allow and list print it")
         ->required();
+
+    add_tenant(*admin, flags, chosen);
 
     CLI::App* audit = admin->add_subcommand("audit", "The log of who did what");
     audit->require_subcommand(1);

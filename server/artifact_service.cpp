@@ -1,6 +1,5 @@
 #include "server/artifact_service.h"
 
-#include <memory>
 #include <utility>
 
 #include "server/call.h"
@@ -14,13 +13,13 @@ constexpr Rule kGetUpload{"GetUpload", Role::User, false};
 constexpr Rule kInspect{"InspectArtifact", Role::Viewer, true};
 
 constexpr int kMaxDigests = 1'000;
-constexpr int kMaxWaitingInspections = 16;
 constexpr std::size_t kMaxFileName = 255;
 
 }  // namespace
 
-ArtifactService::ArtifactService(TransferRoom room, Inspector inspector)
-    : room_(std::move(room)), inspector_(std::move(inspector)) {}
+ArtifactService::ArtifactService(TransferRoom room, Inspector inspector,
+                                 InspectionQueue& inspections)
+    : room_(std::move(room)), inspector_(std::move(inspector)), inspections_(inspections) {}
 
 grpc::ServerUnaryReactor* ArtifactService::FindMissingArtifacts(
     grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
@@ -86,16 +85,12 @@ v1::Inspection ArtifactService::inspect(const std::string& tenant,
 grpc::ServerUnaryReactor* ArtifactService::InspectArtifact(
     grpc::CallbackServerContext* context, const v1::InspectArtifactRequest* request,
     v1::Inspection* reply) {
-    const bool is_full = waiting_inspections_.fetch_add(1) >= kMaxWaitingInspections;
-    const std::shared_ptr<void> place(nullptr, [this](void*) { --waiting_inspections_; });
-    return answer(room_.gate, is_full ? room_.executor : inspections_, context, kInspect,
-                  [=, this, place = place](const Principal& who, std::string& subject) {
+    const InspectionQueue::Place place(inspections_);
+    return answer(room_.gate, inspections_.executor(place, room_.executor), context, kInspect,
+                  [=, this](const Principal& who, std::string& subject) {
                       require_sha256(request->sha256(), "sha256");
                       subject = request->sha256();
-                      if (is_full) {
-                          throw StatusError(too_many_status(
-                              "inspections", "at most 16 inspections may wait at a time"));
-                      }
+                      place.require();
                       *reply = inspect(who.tenant, *request);
                   });
 }

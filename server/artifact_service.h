@@ -1,9 +1,8 @@
 #pragma once
 
-#include <atomic>
-
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "server/inspect.h"
+#include "server/inspection_queue.h"
 #include "server/transfer_streams.h"
 
 namespace remesh {
@@ -11,7 +10,7 @@ namespace remesh {
 /// Bytes in and out, and what they are. The tenant is the caller's.
 class ArtifactService final : public v1::ArtifactService::CallbackService {
 public:
-    ArtifactService(TransferRoom room, Inspector inspector);
+    ArtifactService(TransferRoom room, Inspector inspector, InspectionQueue& inspections);
 
     grpc::ServerUnaryReactor* FindMissingArtifacts(
         grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
@@ -32,9 +31,7 @@ private:
 
     const TransferRoom room_;
     const Inspector inspector_;
-    // Of its own: a look at a file takes seconds, and only one is taken at a time.
-    Executor inspections_{1};
-    std::atomic<int> waiting_inspections_ = 0;
+    InspectionQueue& inspections_;
 };
 
 }  // namespace remesh

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "remesh/v1/artifact.pb.h"
+#include "server/jobs/engine.h"
 
 namespace remesh {
 
@@ -12,16 +13,23 @@ namespace remesh {
 /// \throws Error as read_surface does, or StatusError
 using Inspector = std::function<v1::Inspection(std::string_view bytes, const std::string& hint)>;
 
+/// Tells what a job of this spec, a serialized v1::JobSpec, needs with the bytes as its input.
+/// \throws Error as read_surface does
+using Estimator = std::function<JobEstimate(std::string_view spec, std::string_view bytes)>;
+
 /// Looks by itself, bounded in the file's size and in triangles.
 [[nodiscard]] v1::Inspection inspect_surface(std::string_view bytes, const std::string& hint);
 
-/// Has a child process look, bounded in memory and time: a file that crashes the readers costs one
-/// call.
-/// \param program  the server's own program, which has to call `serve_inspection`
-[[nodiscard]] Inspector inspector_in_child(const std::string& program);
+// Have a child process look, bounded in memory and time: a file that crashes the readers costs one
+// call. `program` is the server's own program, which has to call what is below.
 
-/// The child's side of it: the file is stdin, the answer goes to stdout.
-/// \return the exit status of the process
+[[nodiscard]] Inspector inspector_in_child(const std::string& program);
+[[nodiscard]] Estimator estimator_in_child(const std::string& program);
+
+// The child's side of it: the question comes by stdin, the answer goes to stdout. They return the
+// exit status of the process.
+
 int serve_inspection(const std::string& hint);
+int serve_estimate(const Engine& engine);
 
 }  // namespace remesh

@@ -3,18 +3,23 @@
 
 #include <array>
 #include <cerrno>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <fcntl.h>
+#include <functional>
 #include <iostream>
 #include <iterator>
 #include <new>
 #include <spawn.h>
 #include <stdexcept>
+#include <type_traits>
 #include <unistd.h>
 #include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "server/convert.h"
 #include "server/inspect.h"
 
 namespace remesh {
@@ -24,8 +29,8 @@ constexpr rlim_t kMaxMemory = rlim_t{6} << 30U;
 constexpr rlim_t kMaxSeconds = 60;
 
 // What the child writes: one of these, and what belongs to it.
-constexpr char kInspected = 'i';  // a serialized Inspection
-constexpr char kFailed = 'f';     // a digit for the ErrorCode, and a sentence
+constexpr char kAnswered = 'a';  // the answer
+constexpr char kFailed = 'f';    // a digit for the ErrorCode, and a sentence
 
 class Descriptor {
 public:
@@ -58,8 +63,7 @@ Pipe make_pipe() {
     return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
 
-pid_t start(const std::string& program, const std::string& hint, const Pipe& in, const Pipe& out) {
-    std::vector<std::string> words{program, "inspect-stdin", "--hint", hint};
+pid_t start(std::vector<std::string> words, const Pipe& in, const Pipe& out) {
     std::vector<char*> arguments;
     for (std::string& word : words) {
         arguments.push_back(word.data());
@@ -71,8 +75,8 @@ pid_t start(const std::string& program, const std::string& hint, const Pipe& in,
     posix_spawn_file_actions_adddup2(&actions, in.read_end.get(), STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&actions, out.write_end.get(), STDOUT_FILENO);
     pid_t child = -1;
-    const int error = ::posix_spawn(&child, program.c_str(), &actions, nullptr, arguments.data(),
-                                    environment.data());
+    const int error = ::posix_spawn(&child, words.front().c_str(), &actions, nullptr,
+                                    arguments.data(), environment.data());
     posix_spawn_file_actions_destroy(&actions);
     if (error != 0) {
         throw std::runtime_error("can't start a process to inspect a file");
@@ -104,11 +108,9 @@ std::string receive(const Descriptor& from) {
     }
 }
 
-v1::Inspection understood(const std::string& said, int status) {
-    v1::Inspection inspection;
-    if (!said.empty() && said[0] == kInspected && WIFEXITED(status) && WEXITSTATUS(status) == 0 &&
-        inspection.ParseFromArray(said.data() + 1, static_cast<int>(said.size() - 1))) {
-        return inspection;
+std::string understood(const std::string& said, int status) {
+    if (!said.empty() && said[0] == kAnswered && WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+        return said.substr(1);
     }
     if (said.size() > 2 && said[0] == kFailed) {
         throw Error(static_cast<ErrorCode>(said[1] - '0'), said.substr(2));
@@ -120,26 +122,26 @@ v1::Inspection understood(const std::string& said, int status) {
                 "the reader failed on this file, which is a defect; a job with it would fail, too");
 }
 
-}  // namespace
-
-Inspector inspector_in_child(const std::string& program) {
-    return [program](std::string_view bytes, const std::string& hint) {
-        Pipe in = make_pipe();
-        Pipe out = make_pipe();
-        const pid_t child = start(program, hint, in, out);
-        in.read_end.close();
-        out.write_end.close();
-        send(in.write_end, bytes);
-        in.write_end.close();
-        const std::string said = receive(out.read_end);
-        int status = 0;
-        while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
-        }
-        return understood(said, status);
-    };
+/// Starts a process, sends it a question and waits for its answer.
+std::string ask(std::vector<std::string> words, const std::vector<std::string_view>& question) {
+    Pipe in = make_pipe();
+    Pipe out = make_pipe();
+    const pid_t child = start(std::move(words), in, out);
+    in.read_end.close();
+    out.write_end.close();
+    for (const std::string_view piece : question) {
+        send(in.write_end, piece);
+    }
+    in.write_end.close();
+    const std::string said = receive(out.read_end);
+    int status = 0;
+    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+    return understood(said, status);
 }
 
-int serve_inspection(const std::string& hint) {
+/// In the child: answers the question on stdin, within limits.
+int answer(const std::function<std::string(std::string_view question)>& think) {
     const auto limit = [](auto resource, rlim_t most) {
         const rlimit both{most, most};
         ::setrlimit(resource, &both);
@@ -153,15 +155,69 @@ int serve_inspection(const std::string& hint) {
         return EXIT_FAILURE;
     };
     try {
-        const std::string bytes{std::istreambuf_iterator<char>(std::cin), {}};
-        const std::string inspection = inspect_surface(bytes, hint).SerializeAsString();
-        std::cout << kInspected << inspection << std::flush;
+        const std::string question{std::istreambuf_iterator<char>(std::cin), {}};
+        const std::string said = think(question);
+        std::cout << kAnswered << said << std::flush;
         return EXIT_SUCCESS;
     } catch (const Error& error) {
         return fail(error.code(), error.what());
     } catch (const std::bad_alloc&) {
         return fail(ErrorCode::TooLarge, "looking at this file takes more memory than is allowed");
     }
+}
+
+template <typename T>
+T read_value(std::string_view& bytes) {
+    T value{};
+    if (bytes.size() < sizeof value) {
+        throw Error(ErrorCode::Internal, "a process that looks at a file said something else");
+    }
+    std::memcpy(&value, bytes.data(), sizeof value);
+    bytes.remove_prefix(sizeof value);
+    return value;
+}
+
+template <typename T>
+std::string_view bytes_of(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    return {reinterpret_cast<const char*>(&value), sizeof value};
+}
+
+}  // namespace
+
+Inspector inspector_in_child(const std::string& program) {
+    return [program](std::string_view bytes, const std::string& hint) {
+        v1::Inspection inspection;
+        if (!inspection.ParseFromString(ask({program, "inspect-stdin", "--hint", hint}, {bytes}))) {
+            throw Error(ErrorCode::Internal, "a process that looks at a file said something else");
+        }
+        return inspection;
+    };
+}
+
+Estimator estimator_in_child(const std::string& program) {
+    return [program](std::string_view spec, std::string_view bytes) {
+        const std::uint64_t size = spec.size();
+        const std::string said = ask({program, "estimate-stdin"}, {bytes_of(size), spec, bytes});
+        std::string_view rest = said;
+        return read_value<JobEstimate>(rest);
+    };
+}
+
+int serve_inspection(const std::string& hint) {
+    return answer([&](std::string_view question) {
+        return inspect_surface(question, hint).SerializeAsString();
+    });
+}
+
+int serve_estimate(const Engine& engine) {
+    return answer([&](std::string_view question) {
+        const auto size = read_value<std::uint64_t>(question);
+        const std::string_view spec = question.substr(0, size);
+        question.remove_prefix(spec.size());
+        const JobEstimate estimate = engine.estimate(ProtoCodec().decode_spec(spec), question);
+        return std::string(bytes_of(estimate));
+    });
 }
 
 }  // namespace remesh

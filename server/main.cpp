@@ -175,6 +175,7 @@ int serve(ServeFlags flags) {
         flags.server.housekeeping.keep_jobs = std::chrono::hours(24) * flags.keep_jobs_days;
     }
     flags.server.inspector = remesh::inspector_in_child("/proc/self/exe");
+    flags.server.registry.estimator = remesh::estimator_in_child("/proc/self/exe");
 
     const remesh::RemeshEngine engine(max_job_bytes(flags.work), remesh::option_rows);
     Server server(flags.server, engine);
@@ -234,6 +235,7 @@ int main(int argc, char** argv) {
     std::string inspection_hint;
     auto* inspect_command = app.add_subcommand("inspect-stdin", "")->group("");
     inspect_command->add_option("--hint", inspection_hint);
+    auto* estimate_command = app.add_subcommand("estimate-stdin", "")->group("");
 
     CLI11_PARSE(app, argc, argv);
     try {
@@ -242,6 +244,9 @@ int main(int argc, char** argv) {
         }
         if (inspect_command->parsed()) {
             return remesh::serve_inspection(inspection_hint);
+        }
+        if (estimate_command->parsed()) {
+            return remesh::serve_estimate(remesh::RemeshEngine());
         }
         if (health_command->parsed()) {
             return remesh::is_serving(health_address, content_of(health_ca)) ? EXIT_SUCCESS

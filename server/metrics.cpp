@@ -8,7 +8,6 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <array>
 #include <sstream>
 #include <utility>
 
@@ -21,21 +20,8 @@ namespace {
 
 using Buckets = prometheus::Histogram::BucketBoundaries;
 
-constexpr std::array kStates{JobState::Queued,     JobState::Running, JobState::Cancelling,
-                             JobState::Succeeded,  JobState::Failed,  JobState::Cancelled,
-                             JobState::Quarantined};
-
-const char* name_of(JobState state) {
-    switch (state) {
-        case JobState::Queued: return "queued";
-        case JobState::Running: return "running";
-        case JobState::Cancelling: return "cancelling";
-        case JobState::Succeeded: return "succeeded";
-        case JobState::Failed: return "failed";
-        case JobState::Cancelled: return "cancelled";
-        case JobState::Quarantined: return "quarantined";
-    }
-    return "unknown";
+std::string label_of(JobState state) {
+    return std::string(state_name(state));
 }
 
 /// From a part of a second to a day.
@@ -139,10 +125,11 @@ Metrics::Metrics(JobRegistry& registry, JobStore& store, const MetricsOptions& o
         .Set(1.0);
     families_->started.Set(seconds_between(Time{}, start_));
     // A series that is there from the start at 0 has a rate when the first failure comes.
-    for (const JobState state : kStates) {
-        families_->jobs.Add({{"state", name_of(state)}});
+    for (std::size_t i = 0; i < kStateNames.size(); ++i) {
+        const auto state = static_cast<JobState>(i);
+        families_->jobs.Add({{"state", label_of(state)}});
         if (is_terminal(state) && state != JobState::Failed && state != JobState::Quarantined) {
-            families_->ended.Add({{"state", name_of(state)}, {"reason", "NONE"}});
+            families_->ended.Add({{"state", label_of(state)}, {"reason", "NONE"}});
         }
     }
     for (const char* reason : {"INVALID_INPUT", "UNSUPPORTED", "UNMESHABLE", "TOO_LARGE", "TIMEOUT",
@@ -255,10 +242,10 @@ void Metrics::count_state(const JobView& job, const StoredEvent& event, Cursor& 
         if (event.state == JobState::Quarantined) {
             families_->lost.Increment();
         }
-        families_->ended.Add({{"state", name_of(event.state)}, {"reason", reason_of(job.job)}})
+        families_->ended.Add({{"state", label_of(event.state)}, {"reason", reason_of(job.job)}})
             .Increment();
         if (cursor.start != Time{}) {
-            families_->run.Add({{"state", name_of(event.state)}}, durations())
+            families_->run.Add({{"state", label_of(event.state)}}, durations())
                 .Observe(seconds_between(cursor.start, event.time));
         }
     }
@@ -274,9 +261,10 @@ void Metrics::leave_stage(Time time, Cursor& cursor) {
 
 void Metrics::update_gauges() {
     const StoreFigures figures = store_.figures();
-    for (const JobState state : kStates) {
+    for (std::size_t i = 0; i < kStateNames.size(); ++i) {
+        const auto state = static_cast<JobState>(i);
         const auto found = figures.jobs.find(state);
-        families_->jobs.Add({{"state", name_of(state)}})
+        families_->jobs.Add({{"state", label_of(state)}})
             .Set(found == figures.jobs.end() ? 0.0 : static_cast<double>(found->second));
     }
     families_->oldest.Set(figures.oldest_queued

@@ -61,6 +61,7 @@ PartialUpload::PartialUpload(fs::path path, int file, bool is_kept)
 
 PartialUpload::PartialUpload(PartialUpload&& other) noexcept
     : path_(std::exchange(other.path_, {})),
+      announced_(std::move(other.announced_)),
       file_(std::exchange(other.file_, -1)),
       is_kept_(other.is_kept_),
       size_(other.size_),
@@ -116,31 +117,54 @@ void PartialUpload::discard() {
 }
 
 std::optional<PartialUpload> PartialUploads::open(const std::string& tenant,
-                                                  const std::string& sha256, std::int64_t offset) {
+                                                  const ArtifactId& artifact, std::int64_t offset) {
     const fs::path directory = directory_of(tenant);
     std::error_code error;
     fs::create_directories(directory, error);
-    const int file = open_locked(directory / sha256);
+    const fs::path path = directory / artifact.sha256;
+    const int file = open_locked(path);
     if (file < 0) {
         if (offset != 0) {
             return std::nullopt;
         }
-        const fs::path path = directory / (std::string(kUnkeptPrefix) + random_hex(16));
-        return PartialUpload(path, open_locked(path), false);
+        const fs::path other = directory / (std::string(kUnkeptPrefix) + random_hex(16));
+        PartialUpload upload(other, open_locked(other), false);
+        upload.announced_ = announce(tenant, artifact.size);
+        return upload;
     }
-    PartialUpload upload(directory / sha256, file, true);
+    PartialUpload upload(path, file, true);
     if (offset == 0) {
         if (::ftruncate(file, 0) != 0) {
             fail("can't begin an upload anew");
         }
-        return upload;
-    }
-    if (size_of(file) != offset) {
+    } else if (size_of(file) != offset) {
         upload.size_ = size_of(file);  // What is there stays.
         return std::nullopt;
+    } else {
+        upload.take_up();
     }
-    upload.take_up();
+    upload.announced_ = announce(tenant, artifact.size);
     return upload;
+}
+
+std::shared_ptr<void> PartialUploads::announce(const std::string& tenant, std::int64_t bytes) {
+    const std::scoped_lock lock(mutex_);
+    announced_[tenant] += bytes;
+    return {nullptr, [this, tenant, bytes](void*) {
+                const std::scoped_lock lock_again(mutex_);
+                announced_[tenant] -= bytes;
+            }};
+}
+
+std::int64_t PartialUploads::bytes_of(const std::string& tenant) const {
+    std::int64_t bytes = 0;
+    std::error_code error;
+    for (const auto& file : fs::directory_iterator(directory_of(tenant), error)) {
+        bytes += committed(tenant, file.path().filename().string());
+    }
+    const std::scoped_lock lock(mutex_);
+    const auto found = announced_.find(tenant);
+    return found == announced_.end() ? bytes : bytes + found->second;
 }
 
 std::int64_t PartialUploads::committed(const std::string& tenant, const std::string& sha256) const {

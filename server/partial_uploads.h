@@ -1,6 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -35,6 +38,7 @@ private:
     void take_up();
 
     std::filesystem::path path_;
+    std::shared_ptr<void> announced_;
     int file_ = -1;
     bool is_kept_;
     std::int64_t size_ = 0;
@@ -51,10 +55,15 @@ public:
     /// Goes on with an upload at `offset`, or begins it anew if that is 0. While another stream is
     /// at the same bytes, begins one that isn't kept.
     ///
+    /// \param artifact  what it shall be in the end
     /// \return nothing if the upload doesn't stand at `offset`
     /// \throws StoreError
     [[nodiscard]] std::optional<PartialUpload> open(const std::string& tenant,
-                                                    const std::string& sha256, std::int64_t offset);
+                                                    const ArtifactId& artifact,
+                                                    std::int64_t offset);
+    /// Bytes that a tenant's uploads take: what came of those that rest, and all of those that
+    /// streams are at.
+    [[nodiscard]] std::int64_t bytes_of(const std::string& tenant) const;
     /// Where an upload stands: 0 if none is there, or while a stream is at it.
     [[nodiscard]] std::int64_t committed(const std::string& tenant,
                                          const std::string& sha256) const;
@@ -62,9 +71,12 @@ public:
     void remove_abandoned(Time before) const;
 
 private:
+    [[nodiscard]] std::shared_ptr<void> announce(const std::string& tenant, std::int64_t bytes);
     [[nodiscard]] std::filesystem::path directory_of(const std::string& tenant) const;
 
     std::filesystem::path data_dir_;
+    mutable std::mutex mutex_;
+    std::map<std::string, std::int64_t> announced_;  // Of a tenant's streams. Needs mutex_.
 };
 
 }  // namespace remesh

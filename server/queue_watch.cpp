@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/convert.h"
+#include "server/open_stream.h"
 
 namespace remesh {
 namespace {
@@ -78,22 +79,9 @@ QueueHub::QueueHub(JobRegistry& registry, const WatchOptions& options,
 QueueHub::~QueueHub() = default;
 
 grpc::ServerWriteReactor<v1::QueueEvent>* QueueHub::open(Executor& executor, Admission admission) {
-    auto* stream = new QueueStream(*this);
-    executor.post([this, stream, admission = std::move(admission)] {
-        Principal who;
-        grpc::Status status = admission(who);
-        if (status.ok()) {
-            try {
-                status = start(*stream, who);
-            } catch (const std::exception&) {
-                status = to_status(std::current_exception());
-            }
-        }
-        if (!status.ok()) {
-            stream->Finish(status);
-        }
-    });
-    return stream;
+    return open_stream<Principal>(
+        executor, new QueueStream(*this), std::move(admission),
+        [this](QueueStream& stream, const Principal& who) { return start(stream, who); });
 }
 
 grpc::Status QueueHub::start(QueueStream& stream, const Principal& who) {
@@ -225,8 +213,7 @@ void QueueHub::feed(QueueStream& stream) {
     if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
         stream.last_check_ = now;
         if (!is_still_valid_(stream.who_)) {
-            end = to_status(std::make_exception_ptr(AccessError(
-                AccessErrorCode::Unauthenticated, "the credential isn't valid any more")));
+            end = credential_ended_status();
         }
     }
     bool has_message = false;

@@ -31,6 +31,11 @@ std::unique_ptr<JobStore> open_whole_store(const std::filesystem::path& file) {
     return open_sqlite_store(file);
 }
 
+HousekeeperOptions with_uploads(HousekeeperOptions options, const PartialUploads& uploads) {
+    options.remove_uploads = [&uploads](Time before) { uploads.remove_abandoned(before); };
+    return options;
+}
+
 }  // namespace
 
 Server::Server(const ServerOptions& options, const Engine& engine)
@@ -47,18 +52,18 @@ Server::Server(const ServerOptions& options, const Engine& engine)
       queue_watches_(registry_, options.watches,
                      [this](const Principal& who) { return gate_.is_still_valid(who); }),
       metrics_(registry_, *store_, {.data_dir = options.data_dir}),
-      jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_),
+      jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_, inspections_),
       artifact_service_(
           {gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
            options.registry.limits.max_bytes_of_tenant, [this] { return registry_.is_draining(); }},
-          options.inspector),
+          options.inspector, inspections_),
       capabilities_(gate_, executor_,
                     {options.max_artifact_bytes, options.workforce.workers.workers,
                      options.workforce.workers.threads, options.registry.limits.max_queued}),
       housekeeper_(
           *store_, artifacts_, registry_, codec_,
           [this](const std::string& worker) { return roster_.is_alive(worker); },
-          options.housekeeping) {
+          with_uploads(options.housekeeping, uploads_)) {
     registry_.set_listener([this](const JobKey& key) {
         metrics_.notify(key);  // First: who sees a change in a watch finds it counted.
         watches_.notify(key);
@@ -66,7 +71,6 @@ Server::Server(const ServerOptions& options, const Engine& engine)
     });
     housekeeper_.take_up(system_now());
     housekeeper_.clean_up(system_now());
-    uploads_.remove_abandoned(system_now() - options.housekeeping.keep_uploads);
     roster_.tidy();
     listen(options);
     workforce_ = std::make_unique<Workforce>(*store_, artifacts_, roster_, codec_, engine,

@@ -42,7 +42,7 @@ struct ServerOptions {
     TlsOptions tls{};
     int max_connections = 2'000;  ///< More are closed as they come.
     std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
-    Inspector inspector = inspect_surface;
+    Inspector inspector = inspect_surface;  ///< For InspectArtifact.
     RegistryOptions registry{};
     WorkforceOptions workforce{};
     HousekeeperOptions housekeeping{};
@@ -100,6 +100,7 @@ private:
     Gate gate_;
     ProtoCodec codec_;
     Executor executor_;
+    InspectionQueue inspections_;
     JobRegistry registry_;
     WatchHub watches_;
     QueueHub queue_watches_;

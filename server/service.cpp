@@ -38,13 +38,15 @@ void check_request_id(const std::string& id) {
 }  // namespace
 
 JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts,
-                       WatchHub& watches, QueueHub& queue_watches, Executor& executor)
+                       WatchHub& watches, QueueHub& queue_watches, Executor& executor,
+                       InspectionQueue& inspections)
     : gate_(gate),
       registry_(registry),
       artifacts_(artifacts),
       watches_(watches),
       queue_watches_(queue_watches),
-      executor_(executor) {}
+      executor_(executor),
+      inspections_(inspections) {}
 
 v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest& request) {
     check_request_id(request.request_id());
@@ -77,6 +79,14 @@ v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest
 grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* context,
                                                 const v1::CreateJobRequest* request,
                                                 v1::Job* reply) {
+    if (request->validate_only()) {  // An estimate takes a look at the input.
+        const InspectionQueue::Place place(inspections_);
+        return answer(gate_, inspections_.executor(place, executor_), context, kCreate,
+                      [=, this](const Principal& who, std::string&) {
+                          place.require();
+                          *reply = create(who.tenant, *request);
+                      });
+    }
     return answer(gate_, executor_, context, kCreate,
                   [=, this](const Principal& who, std::string& subject) {
                       *reply = create(who.tenant, *request);

@@ -6,6 +6,7 @@
 #include "remesh/v1/job.grpc.pb.h"
 #include "server/auth/gate.h"
 #include "server/executor.h"
+#include "server/inspection_queue.h"
 #include "server/jobs/registry.h"
 #include "server/page_tokens.h"
 #include "server/queue_watch.h"
@@ -17,7 +18,7 @@ namespace remesh {
 class JobService final : public v1::JobService::CallbackService {
 public:
     JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
-               QueueHub& queue_watches, Executor& executor);
+               QueueHub& queue_watches, Executor& executor, InspectionQueue& inspections);
 
     grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
                                         const v1::CreateJobRequest* request,
@@ -50,6 +51,7 @@ private:
     WatchHub& watches_;
     QueueHub& queue_watches_;
     Executor& executor_;
+    InspectionQueue& inspections_;
     const PageTokens page_tokens_;
 };
 

@@ -103,12 +103,26 @@ private:
             answer(*known, true);
             return;
         }
-        auto upload = room_.uploads.open(who_.tenant, expected_.sha256, chunk_.offset());
+        auto upload = room_.uploads.open(who_.tenant, expected_, chunk_.offset());
+        if (upload && !has_room()) {
+            throw tenant_full();
+        }
         if (!upload) {
             throw StatusError({grpc::StatusCode::OUT_OF_RANGE,
                                "offset must be where the upload stands; GetUpload tells"});
         }
         upload_.emplace(std::move(*upload));
+    }
+
+    /// Whether the tenant may keep all that it has and is sending.
+    [[nodiscard]] bool has_room() const {
+        const auto left = room_.artifacts.room_of(who_.tenant, room_.max_tenant_bytes);
+        return !left || room_.uploads.bytes_of(who_.tenant) <= *left;
+    }
+    [[nodiscard]] JobError tenant_full() const {
+        return {JobErrorCode::LimitPassed,
+                "the tenant may keep no more bytes; delete jobs that aren't needed",
+                "tenants/" + who_.tenant + "/bytes"};
     }
 
     void complete() {
@@ -128,9 +142,7 @@ private:
         }
         if (!room_.artifacts.add(room_.artifacts.adopt(who_.tenant, upload_->release(), artifact),
                                  system_now(), room_.max_tenant_bytes)) {
-            throw JobError(JobErrorCode::LimitPassed,
-                           "the tenant may keep no more bytes; delete jobs that aren't needed",
-                           "tenants/" + who_.tenant + "/bytes");
+            throw tenant_full();
         }
         answer(artifact, false);
     }

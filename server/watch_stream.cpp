@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/convert.h"
+#include "server/open_stream.h"
 
 namespace remesh {
 namespace {
@@ -136,24 +137,10 @@ WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillVa
 
 WatchHub::~WatchHub() = default;
 
-// Until it has started, a stream is the executor's alone.
 grpc::ServerWriteReactor<v1::JobEvent>* WatchHub::open(Executor& executor, Admission admission) {
-    auto* stream = new WatchStream(*this);
-    executor.post([this, stream, admission = std::move(admission)] {
-        WatchTarget target;
-        grpc::Status status = admission(target);
-        if (status.ok()) {
-            try {
-                status = start(*stream, target);
-            } catch (const std::exception&) {
-                status = to_status(std::current_exception());
-            }
-        }
-        if (!status.ok()) {
-            stream->Finish(status);
-        }
-    });
-    return stream;
+    return open_stream<WatchTarget>(
+        executor, new WatchStream(*this), std::move(admission),
+        [this](WatchStream& stream, const WatchTarget& target) { return start(stream, target); });
 }
 
 grpc::Status WatchHub::start(WatchStream& stream, const WatchTarget& target) {
@@ -254,8 +241,7 @@ void WatchHub::feed(WatchStream& stream) {
     if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
         stream.last_check_ = now;
         if (!is_still_valid_(stream.who_)) {
-            end = to_status(std::make_exception_ptr(AccessError(
-                AccessErrorCode::Unauthenticated, "the credential isn't valid any more")));
+            end = credential_ended_status();
         }
     }
     if (!end && !message && stream.is_complete_) {

@@ -96,6 +96,11 @@ void add_work_flags(CLI::App& command, WorkFlags& flags, int least_workers) {
         ->check(CLI::PositiveNumber)
         ->default_str("no limit");
     command
+        .add_option("--checkpoint-interval", flags.checkpoint_interval,
+                    "Seconds between saves of where a run stands, at least")
+        ->check(CLI::Range(0.0, 86'400.0))
+        ->capture_default_str();
+    command
         .add_option("--worker-process", flags.worker_process,
                     "on: a process for each worker, so that a crash costs one attempt of one job; "
                     "off: threads of this process")
@@ -124,6 +129,8 @@ std::int64_t max_job_bytes(const WorkFlags& flags) {
 WorkforceOptions workforce_options(const WorkFlags& flags) {
     WorkforceOptions options;
     options.workers = flags.workers;
+    options.workers.checkpoint_interval =
+        std::chrono::milliseconds(static_cast<std::int64_t>(flags.checkpoint_interval * 1e3));
     options.desk.max_run_time = std::chrono::seconds(flags.max_run_time);
     options.desk.max_running_of_tenant = flags.max_running_of_tenant;
     if (flags.worker_process == "on") {
@@ -136,6 +143,7 @@ WorkforceOptions workforce_options(const WorkFlags& flags) {
         add("--threads", std::to_string(flags.workers.threads));
         add("--max-run-time", std::to_string(flags.max_run_time));
         add("--max-job-memory", std::to_string(flags.max_job_memory));
+        add("--checkpoint-interval", std::to_string(flags.checkpoint_interval));
         add("--log-level", flags.log_level);
         add("--parent", std::to_string(::getpid()));
         if (flags.max_running_of_tenant) {

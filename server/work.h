@@ -18,6 +18,7 @@ struct WorkFlags {
     int max_run_time = 86'400;                          ///< Seconds.
     std::int64_t max_job_memory = 0;                    ///< MiB; 0: four fifths, divided.
     std::optional<std::int64_t> max_running_of_tenant{};
+    double checkpoint_interval = 5.0;  ///< Seconds.
     std::string worker_process = "on";
     std::string log_level = "info";
 };

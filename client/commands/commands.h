@@ -20,6 +20,7 @@ void add_list(CLI::App& app, Action& chosen);
 void add_show(CLI::App& app, Action& chosen);
 void add_get(CLI::App& app, Action& chosen);
 void add_cancel(CLI::App& app, Action& chosen);
+void add_retry(CLI::App& app, Action& chosen);
 void add_delete(CLI::App& app, Action& chosen);
 void add_inspect(CLI::App& app, Action& chosen);
 void add_capabilities(CLI::App& app, Action& chosen);

@@ -23,9 +23,7 @@ const v1::Output& chosen_output(const v1::Job& job, const GetArguments& argument
                                 const std::string& target) {
     if (!arguments.kind.empty()) {
         v1::Output::Kind kind = v1::Output::KIND_UNSPECIFIED;
-        for (const v1::Output& output : job.state() == v1::Job::STATE_FAILED
-                                            ? job.failure().outputs()
-                                            : job.result().outputs()) {
+        for (const v1::Output& output : outputs_of(job)) {
             if (kind_word(output.kind()) == arguments.kind) {
                 kind = output.kind();
             }
@@ -43,7 +41,7 @@ ExitCode get(const GetArguments& arguments, Session& session) {
         throw Failure(ExitCode::BadInput, fmt::format("the job is still {}: follow it with watch",
                                                       state_word(job.state())));
     }
-    if (job.failure().outputs().empty()) {
+    if (outputs_of(job).empty()) {
         require_success(job);
     }
     std::vector<Delivery> deliveries;

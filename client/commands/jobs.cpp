@@ -1,4 +1,4 @@
-// The commands that look at jobs or end them: list, show, cancel, delete.
+// The commands for jobs that are there: list, show, cancel, retry, delete.
 
 #include <fmt/format.h>
 
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/commands/commands.h"
+#include "client/create_job.h"
 #include "client/json.h"
 #include "client/tables.h"
 #include "client/text.h"
@@ -85,6 +86,15 @@ ExitCode cancel_jobs(const NameArguments& arguments, Session& session) {
     return ExitCode::Ok;
 }
 
+ExitCode retry_jobs(const NameArguments& arguments, Session& session) {
+    for (const std::string& name : arguments.names) {
+        const v1::Job job = retry_job(session.named_server(), name);
+        fmt::print("{}\n", session.settings().json ? json_line(job) : sanitised(job.name()));
+        std::fflush(stdout);  // Jobs that exist are known even if a later one is refused.
+    }
+    return ExitCode::Ok;
+}
+
 ExitCode delete_jobs(const NameArguments& arguments, Session& session) {
     for (const std::string& name : arguments.names) {
         session.named_server().delete_job(name);
@@ -127,6 +137,12 @@ void add_show(CLI::App& app, Action& chosen) {
 
 void add_cancel(CLI::App& app, Action& chosen) {
     add_named(app, chosen, "cancel", "Ask jobs to stop", cancel_jobs);
+}
+
+void add_retry(CLI::App& app, Action& chosen) {
+    add_named(app, chosen, "retry",
+              "Run failed, cancelled or quarantined jobs again, and print the new jobs' names",
+              retry_jobs);
 }
 
 void add_delete(CLI::App& app, Action& chosen) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "client/commands/commands.h"
+#include "client/commands/estimate.h"
 #include "client/create_job.h"
 #include "client/follow.h"
 #include "client/formats.h"
@@ -132,6 +133,23 @@ void tell_warnings(const Task& task, const Session& session) {
     }
 }
 
+/// A job that broke a bound keeps what it made; a mesh that was refused isn't put where a good one
+/// was to go.
+void deliver_drafts(const Task& task, const RunArguments& arguments, Session& session) {
+    if (task.job.failure().outputs().empty()) {
+        return;
+    }
+    Connection& server = session.any_server();
+    if (!arguments.report.empty()) {
+        deliver(server, {{report_for(task.job, arguments.report), arguments.report}});
+        session.note("wrote " + arguments.report);
+    }
+    if (!session.is_private()) {
+        session.note(fmt::format("the server keeps its files: remesh --server {} get {} -o FILE",
+                                 server.server(), sanitised(task.job.name())));
+    }
+}
+
 void finish(Task& task, const RunArguments& arguments, Session& session) {
     Connection& server = session.any_server();
     if (!is_terminal(task.job.state())) {
@@ -146,9 +164,7 @@ void finish(Task& task, const RunArguments& arguments, Session& session) {
     }
     tell_warnings(task, session);
     if (task.job.state() != v1::Job::STATE_SUCCEEDED) {
-        if (!arguments.report.empty() && !task.job.failure().outputs().empty()) {
-            deliver(server, {{output_of(task.job, v1::Output::KIND_REPORT), arguments.report}});
-        }
+        deliver_drafts(task, arguments, session);
         return;
     }
     for (const PlannedFile& file : task.planned) {
@@ -246,6 +262,13 @@ ExitCode run(const RunArguments& arguments, Session& session) {
     std::vector<Task> tasks = open_inputs(arguments);
     plan(tasks, arguments, session.any_server().capabilities());
     ExitCode code = ExitCode::Ok;
+    if (arguments.job.wants_estimate) {
+        for (const Task& task : tasks) {
+            tell_estimate(task.file, spec_for(arguments, task), session.any_server(),
+                          session.settings());
+        }
+        return code;
+    }
     try {
         code = run_tasks(tasks, arguments, session);
     } catch (const Failure& failure) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/commands/commands.h"
+#include "client/commands/estimate.h"
 #include "client/create_job.h"
 #include "client/formats.h"
 #include "client/json.h"
@@ -25,6 +26,10 @@ ExitCode submit(const JobArguments& arguments, Session& session) {
         files.emplace_back(input);
     }
     for (const InputFile& file : files) {
+        if (arguments.wants_estimate) {
+            tell_estimate(file, spec, session.named_server(), session.settings());
+            continue;
+        }
         const v1::Job job = create_job(session.named_server(), file, spec);
         fmt::print("{}\n", session.settings().json ? json_line(job) : sanitised(job.name()));
         std::fflush(stdout);  // Jobs that exist are known even if a later one is refused.

@@ -74,6 +74,9 @@ void Housekeeper::clean_up(Time now) {
         }
     }
     artifacts_.collect_garbage(now - options_.keep_uploads);
+    if (options_.remove_uploads) {
+        options_.remove_uploads(now - options_.keep_uploads);
+    }
 }
 
 void Housekeeper::start() {

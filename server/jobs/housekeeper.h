@@ -19,6 +19,7 @@ struct HousekeeperOptions {
     std::chrono::milliseconds lease{30'000};  ///< A worker silent for as long has lost its job.
     std::chrono::seconds keep_uploads = std::chrono::hours(24);  ///< That no job needs.
     std::optional<std::chrono::seconds> keep_jobs{};             ///< Finished ones; absent: ever.
+    std::function<void(Time before)> remove_uploads{};  ///< Deletes half ones that rest since then.
 };
 
 /// Looks after what nobody holds: takes jobs from workers that are gone, and deletes what is old.

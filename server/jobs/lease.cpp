@@ -35,6 +35,11 @@ Lease::~Lease() {
     }
 }
 
+bool Lease::is_giving_back() const {
+    const std::scoped_lock lock(desk_.mutex_);
+    return attempt_->stop_reason == Attempt::StopReason::Drain;
+}
+
 void Lease::publish(const JobEventBody& event) {
     NewEvent stored{kind_of(event), desk_.clock_(), desk_.codec_.encode_event(event)};
     const std::scoped_lock lock(desk_.mutex_);

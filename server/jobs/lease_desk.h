@@ -62,6 +62,8 @@ public:
 
     [[nodiscard]] const JobRecord& job() const { return attempt_->job; }
     [[nodiscard]] std::stop_token stop_token() const { return attempt_->stop.get_token(); }
+    /// Whether it was asked to stop so that another attempt can go on.
+    [[nodiscard]] bool is_giving_back() const;
 
     /// Tells the watchers, soon: events are written in company.
     void publish(const JobEventBody& event);

@@ -83,7 +83,9 @@ JobView JobRegistry::check_only(const Submission& submission, const JobRequest& 
     view.job.spec = submission.spec;
     view.job.priority = request.priority;
     view.job.max_attempts = options_.max_attempts;
-    view.estimate = engine_.estimate(request, artifacts_.open(submission.tenant, *input).bytes());
+    const ArtifactView bytes = artifacts_.open(submission.tenant, *input);
+    view.estimate = options_.estimator ? options_.estimator(submission.spec, bytes.bytes())
+                                       : engine_.estimate(request, bytes.bytes());
     return view;
 }
 
@@ -158,6 +160,9 @@ JobView JobRegistry::cancel(const JobKey& key) {
     if (!job) {
         throw JobError(JobErrorCode::NotFound, "there is no such job", key.id);
     }
+    if (is_terminal(job->state)) {
+        artifacts_.checkpoints().remove(key);
+    }
     return view_of(std::move(*job));
 }
 
@@ -173,6 +178,7 @@ void JobRegistry::remove(const JobKey& key, std::optional<std::int64_t> revision
             throw JobError(JobErrorCode::Changed, "the job has changed since that etag", key.id);
     }
     artifacts_.remove_unneeded(key.tenant, artifacts);
+    artifacts_.checkpoints().remove(key);
     notify(key);  // the store tells of events, and this job has none any more
 }
 
@@ -210,7 +216,7 @@ JobView JobRegistry::view_of(JobRecord job) {
     switch (view.job.state) {
         case JobState::Queued: {
             view.queue_position = store_.queue_position(view.job);
-            const auto mean = store_.mean_run_time(kRunsForEstimate);
+            const auto mean = store_.mean_run_time(view.job.key.tenant, kRunsForEstimate);
             if (mean) {
                 // Jobs ahead in rounds of all workers; whoever is first may start any moment.
                 const Time start = clock_() + *mean * (view.queue_position / options_.workers);

@@ -20,6 +20,8 @@ struct RegistryOptions {
     QueueLimits limits{};  ///< More is refused.
     int max_attempts = 5;  ///< A job that lost this many workers is quarantined.
     int workers = 1;       ///< That serve the queue, for the estimate of a job's start.
+    /// What a job of a spec would need with an input; absent: the engine tells, in this process.
+    std::function<JobEstimate(std::string_view spec, std::string_view input)> estimator{};
 };
 
 /// A job as it is shown.

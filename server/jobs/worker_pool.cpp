@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/run_state.h"
 
 namespace remesh {
 namespace {
@@ -131,34 +132,72 @@ const char* reason_of(ErrorCode code) {
     return "INTERNAL";
 }
 
-const char* name_of(std::optional<JobState> state) {
-    if (!state) {
-        return "void";
-    }
-    switch (*state) {
-        case JobState::Queued: return "queued";
-        case JobState::Running: return "running";
-        case JobState::Cancelling: return "cancelling";
-        case JobState::Succeeded: return "succeeded";
-        case JobState::Failed: return "failed";
-        case JobState::Cancelled: return "cancelled";
-        case JobState::Quarantined: return "quarantined";
-    }
-    return "unknown";
+/// How an attempt ended, for the log.
+struct Ending {
+    Ending(std::optional<JobState> ended, const char* why)
+        : state(ended ? state_name(*ended) : "void"),
+          is_jobs_end(ended && is_terminal(*ended)),
+          reason(why) {}
+
+    std::string_view state;
+    bool is_jobs_end;
+    const char* reason;
+};
+
+/// Saves where a run stands, in the job's checkpoint.
+RunState::Save saving(const ArtifactStore& artifacts, const JobKey& job, std::string key) {
+    return [&artifacts, job, key = std::move(key)](const std::vector<std::string_view>& pieces) {
+        try {
+            artifacts.checkpoints().save(job, key, pieces);
+        } catch (const StoreError& error) {
+            // It costs time if this attempt is lost, nothing else.
+            spdlog::error("event=checkpoint_failed job={} message=\"{}\"", job.id, error.what());
+        }
+    };
 }
 
-struct Ending {
-    std::optional<JobState> state{};
-    const char* reason = "OK";
+/// Makes a run go on where the last attempt was, if that can be told.
+void resume(RunState& state, const ArtifactStore& artifacts, const JobKey& job,
+            std::string_view key) {
+    using Finding = CheckpointFiles::Finding;
+    const CheckpointFiles::Loaded loaded = artifacts.checkpoints().load(job, key);
+    switch (loaded.finding) {
+        case Finding::None: break;
+        case Finding::Good:
+            state.resume(loaded.state);
+            spdlog::info("event=job_resumed job={} bytes={}", job.id, loaded.state.size());
+            break;
+        case Finding::Stale:
+            spdlog::warn("event=checkpoint_unusable job={} reason=stale", job.id);
+            break;
+        case Finding::Damaged:
+            spdlog::warn("event=checkpoint_unusable job={} reason=damaged", job.id);
+            break;
+    }
+}
+
+/// What an attempt needs besides its lease.
+struct Bench {
+    ArtifactStore& artifacts;
+    const JobCodec& codec;
+    const Engine& engine;
+    const WorkerOptions& options;
+    tbb::task_arena& arena;
 };
 
 /// The one place where exceptions become an attempt's verdict.
-Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec,
-                   const Engine& engine, tbb::task_arena& arena) {
+Ending run_attempt(Lease& lease, const Bench& bench, bool resumes = true) {
+    const auto& [artifacts, codec, engine, options, arena] = bench;
     const JobRecord& job = lease.job();
+    const std::string key = codec.cache_key(job.spec);
     RunContext run(lease.stop_token(), EventRelay(lease, artifacts, engine));
+    RunState state(saving(artifacts, job.key, key), options.checkpoint_interval);
     try {
         run.checkpoint();
+        if (resumes) {
+            resume(state, artifacts, job.key, key);
+        }
+        run.keep_state(state);
         const JobRequest request = codec.decode_spec(job.spec);
         const auto known = artifacts.find(job.key.tenant, request.input.sha256);
         if (!known) {
@@ -174,15 +213,21 @@ Ending run_attempt(Lease& lease, ArtifactStore& artifacts, const JobCodec& codec
                                sink.take()),
                     "BOUND_NOT_MET"};
         }
-        const auto state = lease.succeed(result, sink.take());
-        return {state, state == JobState::Cancelled ? "CANCELLED" : "OK"};
+        const auto ended = lease.succeed(result, sink.take());
+        return {ended, ended == JobState::Cancelled ? "CANCELLED" : "OK"};
     } catch (const Error& error) {
         const char* reason = reason_of(error.code());
         if (error.code() == ErrorCode::Cancelled) {
+            if (lease.is_giving_back()) {
+                state.save();
+            }
             return {lease.stopped(run.stage()), reason};
         }
         const bool is_retryable = error.code() == ErrorCode::Internal;
         return {lease.fail({reason, error.what(), is_retryable, run.stage()}), reason};
+    } catch (const StaleState&) {
+        spdlog::warn("event=checkpoint_unusable job={} reason=stale", job.key.id);
+        return run_attempt(lease, bench, false);
     } catch (const StoreError& error) {
         spdlog::error("event=store_failed job={} message=\"{}\"", job.key.id, error.what());
         return {lease.postpone(), "STORE"};
@@ -215,8 +260,9 @@ std::unique_ptr<Lease> claim(LeaseDesk& desk, const std::stop_token& stop) {
 }
 
 void work(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec, const Engine& engine,
-          int threads, const std::stop_token& stop) {
-    tbb::task_arena arena(threads);
+          const WorkerOptions& options, const std::stop_token& stop) {
+    tbb::task_arena arena(options.threads);
+    const Bench bench{artifacts, codec, engine, options, arena};
     while (const auto lease = claim(desk, stop)) {
         const std::string& id = lease->job().key.id;
         const int attempt = lease->job().attempt;
@@ -224,14 +270,17 @@ void work(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec, cons
         spdlog::info("event=job_started job={} attempt={}", id, attempt);
         Ending ending{std::nullopt, "STORE"};
         try {
-            ending = run_attempt(*lease, artifacts, codec, engine, arena);
+            ending = run_attempt(*lease, bench);
         } catch (const std::exception& error) {
             spdlog::error("event=store_failed job={} attempt={} message=\"{}\"", id, attempt,
                           error.what());
         }
+        if (ending.is_jobs_end) {
+            artifacts.checkpoints().remove(lease->job().key);
+        }
         const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
         spdlog::info("event=job_ended job={} attempt={} state={} reason={} seconds={:.3f}", id,
-                     attempt, name_of(ending.state), ending.reason, seconds.count());
+                     attempt, ending.state, ending.reason, seconds.count());
     }
 }
 
@@ -240,8 +289,8 @@ void work(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec, cons
 WorkerPool::WorkerPool(LeaseDesk& desk, ArtifactStore& artifacts, const JobCodec& codec,
                        const Engine& engine, const WorkerOptions& options) {
     for (int i = 0; i < options.workers; ++i) {
-        threads_.emplace_back([&, threads = options.threads](const std::stop_token& stop) {
-            work(desk, artifacts, codec, engine, threads, stop);
+        threads_.emplace_back([&, options](const std::stop_token& stop) {
+            work(desk, artifacts, codec, engine, options, stop);
         });
     }
 }

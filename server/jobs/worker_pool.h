@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <thread>
 #include <vector>
 
@@ -10,8 +11,9 @@
 namespace remesh {
 
 struct WorkerOptions {
-    int workers = 1;  ///< Jobs that run side by side, >= 1.
-    int threads = 1;  ///< Of each job, >= 1.
+    int workers = 1;                                       ///< Jobs that run side by side, >= 1.
+    int threads = 1;                                       ///< Of each job, >= 1.
+    std::chrono::milliseconds checkpoint_interval{5'000};  ///< Between saves of a run's state.
 };
 
 /// Threads that claim jobs and run them, each in a TBB arena of its own. Destruction waits until

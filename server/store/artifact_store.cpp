@@ -135,7 +135,7 @@ private:
 };
 
 ArtifactStore::ArtifactStore(fs::path data_dir, JobStore& store)
-    : data_dir_(std::move(data_dir)), store_(store) {
+    : data_dir_(std::move(data_dir)), store_(store), checkpoints_(data_dir_) {
     const fs::path file = data_dir_ / "artifacts.lock";
     lock_file_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (lock_file_ < 0) {
@@ -199,6 +199,13 @@ bool ArtifactStore::add(ArtifactDraft draft, Time now, std::optional<std::int64_
     return is_added;
 }
 
+std::optional<std::int64_t> ArtifactStore::room_of(const std::string& tenant,
+                                                   std::optional<std::int64_t> max_bytes) const {
+    const auto policy = store_.policy(tenant);
+    const auto limit = policy.max_bytes ? policy.max_bytes : max_bytes;
+    return limit ? std::optional(*limit - store_.stored_bytes(tenant)) : std::nullopt;
+}
+
 std::optional<ArtifactId> ArtifactStore::find(const std::string& tenant,
                                               const std::string& sha256) const {
     return store_.find_artifact(tenant, sha256);
@@ -238,6 +245,10 @@ void ArtifactStore::collect_garbage(Time before) {
     for (const JobKey& artifact : store_.unreferenced_artifacts(before)) {
         remove_unneeded(artifact.tenant, {artifact.id});
     }
+    checkpoints_.collect_garbage([this](const JobKey& key) {
+        const auto job = store_.find(key);
+        return job && !is_terminal(job->state);
+    });
     if (!fs::exists(data_dir_ / "tenants")) {
         return;
     }

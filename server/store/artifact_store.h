@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "server/store/checkpoint_files.h"
 #include "server/store/digest.h"
 #include "server/store/job_store.h"
 
@@ -84,6 +85,10 @@ public:
     /// \return false if the tenant may keep no more bytes (JobStore::add_artifact)
     bool add(ArtifactDraft draft, Time now, std::optional<std::int64_t> max_bytes = {});
 
+    /// Bytes that a tenant may add by its policy, or else by `max_bytes`; nothing if any number.
+    [[nodiscard]] std::optional<std::int64_t> room_of(const std::string& tenant,
+                                                      std::optional<std::int64_t> max_bytes) const;
+
     [[nodiscard]] std::optional<ArtifactId> find(const std::string& tenant,
                                                  const std::string& sha256) const;
     /// \throws StoreError if the file is gone
@@ -91,9 +96,12 @@ public:
 
     /// Deletes those that no job needs any more, record and file.
     void remove_unneeded(const std::string& tenant, const std::vector<std::string>& digests);
-    /// Deletes what killed processes left (drafts, files without a record), and artifacts that
-    /// were added before `before` and that no job needs.
+    /// Deletes what killed processes left (drafts, files without a record, checkpoints of jobs that
+    /// have ended), and artifacts that were added before `before` and that no job needs.
     void collect_garbage(Time before);
+
+    /// Where this directory's unfinished jobs stand.
+    [[nodiscard]] const CheckpointFiles& checkpoints() const { return checkpoints_; }
 
 private:
     class Exclusive;
@@ -102,6 +110,7 @@ private:
 
     std::filesystem::path data_dir_;
     JobStore& store_;
+    CheckpointFiles checkpoints_;
     // Both held while files and their records change together, so that a removal can't take a file
     // from under a record that is just being made: against other threads, and other processes.
     std::mutex mutex_;

@@ -41,8 +41,4 @@ std::int64_t charge_of_attempt(microseconds run_time, int weight) {
     return (std::clamp(run_time, kClaimCost, kLongestRun) - kClaimCost).count() / weight;
 }
 
-std::int64_t jobs_ahead(std::int64_t rank, int own_weight, std::int64_t queued, int weight) {
-    return std::min(queued, (rank + 1) * weight / own_weight);
-}
-
 }  // namespace remesh

@@ -33,8 +33,4 @@ struct TenantLoad {
 /// What else an attempt costs when it ends. A clock that jumped costs a day at most.
 [[nodiscard]] std::int64_t charge_of_attempt(std::chrono::microseconds run_time, int weight);
 
-/// Jobs of another tenant that go before the one at `rank` (from 0) in its own tenant's queue.
-[[nodiscard]] std::int64_t jobs_ahead(std::int64_t rank, int own_weight, std::int64_t queued,
-                                      int weight);
-
 }  // namespace remesh

@@ -1,12 +1,15 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace remesh {
@@ -36,6 +39,14 @@ private:
 };
 
 enum class JobState { Queued, Running, Cancelling, Succeeded, Failed, Cancelled, Quarantined };
+
+/// In the order of JobState, as they are stored, logged and counted.
+inline constexpr std::array<std::string_view, 7> kStateNames{
+    "queued", "running", "cancelling", "succeeded", "failed", "cancelled", "quarantined"};
+
+[[nodiscard]] constexpr std::string_view state_name(JobState state) {
+    return kStateNames[static_cast<std::size_t>(state)];
+}
 
 [[nodiscard]] constexpr bool is_terminal(JobState state) {
     return state >= JobState::Succeeded;

@@ -62,8 +62,8 @@ public:
     virtual std::optional<JobRecord> find(const JobKey& key) = 0;
     /// Newest first.
     virtual std::vector<JobRecord> list(const ListQuery& query) = 0;
-    /// About how many jobs will be claimed before this one; 0 unless it is Queued. Exact while
-    /// one tenant's jobs wait.
+    /// How many of its tenant's jobs will be claimed before this one; 0 unless it is Queued. What
+    /// other tenants wait for is nobody else's business.
     virtual std::int64_t queue_position(const JobRecord& job) = 0;
     /// Events after a sequence, in order, at most `limit`.
     virtual std::vector<StoredEvent> events_after(const JobKey& key, std::int64_t sequence,
@@ -103,9 +103,10 @@ public:
                            std::vector<std::string>* artifacts) = 0;
     /// Jobs that became terminal before a time, the oldest first, at most `limit`.
     virtual std::vector<JobKey> ended_before(Time time, std::size_t limit) = 0;
-    /// Mean time from claim to success of the newest `count` such jobs that were really run, or
-    /// nothing if there is none.
-    virtual std::optional<std::chrono::microseconds> mean_run_time(std::size_t count) = 0;
+    /// Mean time from claim to success of the tenant's newest `count` such jobs that were really
+    /// run, or nothing if there is none.
+    virtual std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
+                                                                   std::size_t count) = 0;
 
     /// Records that an artifact is there. Does nothing if it was known.
     /// \return false if the tenant may keep no more bytes: its policy's, or else `max_bytes`

@@ -2,7 +2,6 @@
 
 #include <string_view>
 
-#include "server/store/fair_share.h"
 #include "server/store/sqlite_schema.h"
 #include "server/store/sqlite_store.h"
 
@@ -141,7 +140,7 @@ std::vector<JobRecord> Store::list(const ListQuery& query) {
             row.bind(*query.before);
         }
         for (const JobState state : query.states) {
-            row.bind(name_of(state));
+            row.bind(state_name(state));
         }
         row.bind(static_cast<std::int64_t>(query.limit));
         std::vector<JobRecord> jobs;
@@ -162,18 +161,7 @@ std::int64_t Store::queue_position(const JobRecord& job) {
                       "AND (priority > ?2 OR (priority = ?2 AND number < ?3))");
         own.bind(job.key.tenant).bind(job.priority).bind(job.number);
         own.next();
-        const std::int64_t rank = own.integer(0);
-        const int weight = find_policy(connection, job.key.tenant).weight;
-        std::int64_t ahead = rank;
-        Statement others(connection,
-                         "SELECT COUNT(*), (SELECT weight FROM tenants WHERE name = tenant) "
-                         "FROM jobs WHERE state = 'queued' AND tenant <> ? GROUP BY tenant");
-        others.bind(job.key.tenant);
-        while (others.next()) {
-            ahead += jobs_ahead(rank, weight, others.integer(0),
-                                static_cast<int>(others.maybe_integer(1).value_or(1)));
-        }
-        return ahead;
+        return own.integer(0);
     });
 }
 
@@ -220,14 +208,15 @@ std::vector<JobKey> Store::ended_before(Time time, std::size_t limit) {
     });
 }
 
-std::optional<std::chrono::microseconds> Store::mean_run_time(std::size_t count) {
+std::optional<std::chrono::microseconds> Store::mean_run_time(const std::string& tenant,
+                                                              std::size_t count) {
     return read([&](Connection& connection) -> std::optional<std::chrono::microseconds> {
         Statement row(
             connection,
             "SELECT CAST(AVG(time) AS INTEGER) FROM (SELECT end_time - start_time AS time "
-            "FROM jobs WHERE end_time IS NOT NULL AND state = 'succeeded' "
+            "FROM jobs WHERE tenant = ? AND end_time IS NOT NULL AND state = 'succeeded' "
             "AND attempt > 0 ORDER BY end_time DESC, number DESC LIMIT ?)");
-        row.bind(static_cast<std::int64_t>(count));
+        row.bind(tenant).bind(static_cast<std::int64_t>(count));
         row.next();
         const auto mean = row.maybe_integer(0);
         return mean ? std::optional(std::chrono::microseconds(*mean)) : std::nullopt;

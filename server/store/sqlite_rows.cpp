@@ -1,14 +1,9 @@
 #include "server/store/sqlite_rows.h"
 
 #include <algorithm>
-#include <array>
 
 namespace remesh::sqlite {
 namespace {
-
-// In the order of JobState.
-constexpr std::array<std::string_view, 7> kStateNames{
-    "queued", "running", "cancelling", "succeeded", "failed", "cancelled", "quarantined"};
 
 std::optional<Time> to_time(const std::optional<std::int64_t>& row) {
     return row ? std::optional(sqlite::to_time(*row)) : std::nullopt;
@@ -27,7 +22,7 @@ void update(Connection& connection, const JobRecord& job) {
                         "UPDATE jobs SET state = ?, attempt = ?, crashes = ?, epoch = ?, "
                         "worker = ?, beat = ?, revision = ?, start_time = ?, end_time = ?, "
                         "retry_time = ?, outcome = ? WHERE number = ?");
-    statement.bind(name_of(job.state)).bind(job.attempt).bind(job.crashes).bind(job.epoch);
+    statement.bind(state_name(job.state)).bind(job.attempt).bind(job.crashes).bind(job.epoch);
     bind_text(statement, job.worker);
     statement.bind(job.beat)
         .bind(job.revision)
@@ -40,10 +35,6 @@ void update(Connection& connection, const JobRecord& job) {
 }
 
 }  // namespace
-
-std::string_view name_of(JobState state) {
-    return kStateNames[static_cast<std::size_t>(state)];
-}
 
 JobState state_of(std::string_view name) {
     for (std::size_t i = 0; i < kStateNames.size(); ++i) {
@@ -175,7 +166,7 @@ void enter(Connection& connection, JobRecord& job, JobState state, Time now) {
         .bind(++job.last_sequence)
         .bind(to_row(now))
         .bind(static_cast<std::int64_t>(EventKind::State))
-        .bind(name_of(job.state))
+        .bind(state_name(job.state))
         .bind(job.attempt);
     statement.run();
     update(connection, job);

@@ -13,7 +13,6 @@
 
 namespace remesh::sqlite {
 
-[[nodiscard]] std::string_view name_of(JobState state);
 /// \throws StoreError if no state has that name
 [[nodiscard]] JobState state_of(std::string_view name);
 [[nodiscard]] std::int64_t to_row(Time time);

@@ -40,7 +40,8 @@ public:
     Removal remove(const JobKey& key, std::optional<std::int64_t> revision,
                    std::vector<std::string>* artifacts) override;
     std::vector<JobKey> ended_before(Time time, std::size_t limit) override;
-    std::optional<std::chrono::microseconds> mean_run_time(std::size_t count) override;
+    std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
+                                                           std::size_t count) override;
 
     bool add_artifact(const std::string& tenant, const ArtifactId& artifact,
                       std::optional<std::int64_t> max_bytes, Time now) override;

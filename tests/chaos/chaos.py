@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Kills server, workers and clients at random moments (kill -9) while clients submit small jobs, and then
-checks what is left: every acknowledged job came to exactly one end, every result has its digest, no file is
-orphaned or missing. Exit status 0 if so.
+checks what is left: every acknowledged job came to exactly one end, every result has its digest, equal jobs made
+equal meshes however often they had to go on, no file is orphaned or missing. Exit status 0 if so.
 
 usage: chaos.py --remeshd FILE --remesh FILE [--kills 200] [--seed 1] [--clients 4] [--keep]
 """
@@ -28,6 +28,7 @@ from service_processes import Server, box
 
 TERMINAL = ("succeeded", "failed", "cancelled", "quarantined")
 EDGE_LENGTH = 0.5
+SHAPES = ((1.0, 1.2, 1.5), (1.1, 1.9, 1.3), (1.6, 1.6, 1.0), (2.0, 1.1, 1.2))
 # Of all kills.
 SHARE_OF_SERVER = 0.4
 SHARE_OF_WORKERS = 0.4
@@ -50,11 +51,10 @@ class Client(threading.Thread):
         count = 0
         while not self.is_stopping:
             count += 1
-            sides = [round(1.0 + self.random.random(), 2) for _ in range(3)]
             mesh = self.folder / f"{self.name}-{count}.stl"
-            mesh.write_bytes(box(*sides))
+            mesh.write_bytes(box(*self.random.choice(SHAPES)))
             out = self.call("submit", str(mesh), "--edge-length", str(EDGE_LENGTH), "--format", "stl",
-                            "--format", "vtu")
+                            "--format", "vtu", *(["--skip-cache"] if self.random.random() < 0.9 else []))
             mesh.unlink()
             for name in re.findall(r"^tenants/\S+$", out, re.MULTILINE):
                 self.acknowledged.append(name)
@@ -156,6 +156,19 @@ def check_files(database, data, problems):
         problems.append(f"{previews} previews are left of jobs that ended")
 
 
+def check_meshes(database, problems):
+    """Jobs of one input made the same meshes; their reports tell times, and differ."""
+    outputs = collections.defaultdict(list)
+    for number, input in database.execute(
+            "SELECT j.number, a.sha256 FROM jobs AS j JOIN job_artifacts AS a ON a.job = j.number "
+            "WHERE j.state = 'succeeded' AND a.role = 'input'").fetchall():
+        outputs[input].append({sha for sha, in database.execute(
+            "SELECT sha256 FROM job_artifacts WHERE job = ? AND role = 'output'", (number,))})
+    for input, made in outputs.items():
+        if len(set.intersection(*made)) < 2:
+            problems.append(f"jobs of input {input} made different meshes")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--remeshd", required=True)
@@ -167,7 +180,7 @@ def main():
     arguments = parser.parse_args()
 
     folder = pathlib.Path(tempfile.mkdtemp(prefix="remesh-chaos-"))
-    server = Server(arguments.remeshd, folder, "--workers", "2", "--log-level", "warn")
+    server = Server(arguments.remeshd, folder, "--workers", "2", "--checkpoint-interval", "0")
     clients = [Client(arguments, server, folder, arguments.seed * 1000 + i) for i in range(arguments.clients)]
     for client in clients:
         client.start()
@@ -186,15 +199,18 @@ def main():
     acknowledged = [name for client in clients for name in client.acknowledged]
     states = check_jobs(database, acknowledged, problems)
     check_files(database, folder / "data", problems)
+    check_meshes(database, problems)
+    problems.extend(f"left over: {file}" for file in (folder / "data").glob("tenants/*/checkpoints/*"))
     if database.execute("PRAGMA integrity_check").fetchone()[0] != "ok":
         problems.append("the database is damaged")
     if not states["succeeded"]:
         problems.append("no job succeeded: nothing was tested")
     database.close()
 
+    resumed = (folder / "server.log").read_text(errors="replace").count("event=job_resumed")
     waits = sorted(server.recoveries)
     print(json.dumps({
-        "kills": dict(kills), "acknowledged": len(acknowledged), "jobs": dict(states),
+        "kills": dict(kills), "acknowledged": len(acknowledged), "jobs": dict(states), "resumed": resumed,
         "recovery_seconds_median": round(waits[len(waits) // 2], 3),
         "recovery_seconds_longest": round(math.ceil(waits[-1] * 1000) / 1000, 3),
         "problems": len(problems)}))

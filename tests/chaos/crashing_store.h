@@ -94,8 +94,9 @@ public:
     std::vector<JobKey> ended_before(Time time, std::size_t limit) override {
         return store_.ended_before(time, limit);
     }
-    std::optional<std::chrono::microseconds> mean_run_time(std::size_t count) override {
-        return store_.mean_run_time(count);
+    std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
+                                                           std::size_t count) override {
+        return store_.mean_run_time(tenant, count);
     }
     std::optional<ArtifactId> find_artifact(const std::string& tenant,
                                             const std::string& sha256) override {

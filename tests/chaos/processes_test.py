@@ -59,17 +59,37 @@ class Processes(unittest.TestCase):
         return json.loads(subprocess.run(self.client("--json", "show", job), stdout=subprocess.PIPE,
                                          check=True).stdout)
 
-    def wait_for_progress(self, job, attempt=1):
-        """Waits until a worker is in the midst of an attempt, by the events that a watch brings."""
+    def wait_for_progress(self, job, attempt=1, iteration=1):
+        """Waits until a worker is so far in the midst of an attempt, by the events that a watch brings."""
         with subprocess.Popen(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True) as watch:
             now = 0
             for line in watch.stdout:
                 event = json.loads(line)
                 if event.get("sequence", 0) and "snapshot" in event:
                     now = event["snapshot"].get("attempt", 0)
-                if "sample" in event and now == attempt:
+                if now == attempt and event.get("sample", {}).get("iteration", 0) >= iteration:
                     break
             watch.kill()
+
+    def checkpoints(self):
+        """Names of the jobs whose runs have saved where they stand."""
+        folder = self.folder / "data" / "tenants" / "default" / "checkpoints"
+        return [file.name for file in folder.iterdir() if "." not in file.name] if folder.exists() else []
+
+    def surface_of(self, job):
+        """Digest of the mesh that a job made."""
+        return self.show(job)["result"]["outputs"][0]["digest"]["sha256"]
+
+    def samples_of(self, job, attempt):
+        """Iterations of the samples that one attempt told."""
+        events = subprocess.run(self.client("--json", "watch", job), stdout=subprocess.PIPE, text=True).stdout
+        now, iterations = 0, []
+        for event in map(json.loads, events.splitlines()):
+            if event.get("sequence", 0) and "snapshot" in event:
+                now = event["snapshot"].get("attempt", 0)
+            if "sample" in event and now == attempt:
+                iterations.append(event["sample"]["iteration"])
+        return iterations
 
     def kill_worker(self):
         workers = self.server.workers()
@@ -124,6 +144,41 @@ class Processes(unittest.TestCase):
 
         self.assertEqual(self.watch(job), 0)
         self.assertEqual(self.show(job)["attempt"], 1)
+
+    def test_a_run_goes_on_from_its_checkpoint_to_the_same_bytes(self):
+        self.serve("--checkpoint-interval", "0")
+        whole = self.submit(*LONG_JOB)
+        self.assertEqual(self.watch(whole), 0)
+        self.assertEqual(self.checkpoints(), [])
+
+        job = self.submit(*LONG_JOB, "--skip-cache")
+        self.wait_for_progress(job, iteration=10)
+        self.assertEqual(self.checkpoints(), [job.split("/")[-1]])
+        self.kill_worker()
+        self.assertEqual(self.watch(job), 0)
+        self.assertEqual(self.show(job)["attempt"], 2)
+        self.assertEqual(self.surface_of(job), self.surface_of(whole))
+        self.assertGreater(min(self.samples_of(job, 2)), 1)
+        self.assertEqual(self.checkpoints(), [])
+
+        job = self.submit(*LONG_JOB, "--skip-cache")
+        self.wait_for_progress(job)
+        self.server.stop()
+        self.assertEqual(self.checkpoints(), [job.split("/")[-1]])
+        self.server.start()
+        self.assertEqual(self.watch(job), 0)
+        self.assertEqual(self.surface_of(job), self.surface_of(whole))
+
+    def test_a_damaged_checkpoint_costs_time_and_nothing_else(self):
+        self.serve("--checkpoint-interval", "0")
+        job = self.submit(*LONG_JOB)
+        self.wait_for_progress(job)
+        self.server.stop()
+        file = self.folder / "data" / "tenants" / "default" / "checkpoints" / job.split("/")[-1]
+        file.write_bytes(file.read_bytes()[:-1])
+        self.server.start()
+        self.assertEqual(self.watch(job), 0)
+        self.assertIn("event=checkpoint_unusable", (self.folder / "server.log").read_text())
 
     def test_a_killed_server_takes_its_workers_with_it_and_loses_no_job(self):
         self.serve()

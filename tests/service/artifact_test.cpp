@@ -106,6 +106,31 @@ TEST_F(Artifacts, GoOnWhereAnUploadBroke) {
     EXPECT_TRUE(upload_of(bytes).is_complete());
 }
 
+TEST_F(Artifacts, CountTowardsTheQuotaFromTheirFirstByte) {
+    TestServer server(kCopy, [](ServerOptions& options) {
+        options.registry.limits.max_bytes_of_tenant = 1'000'000;
+    });
+    const std::string half = some_bytes(700'000);
+    v1::UploadArtifactResponse response;
+    {
+        CallContext context;
+        const auto stream = server.artifacts->UploadArtifact(&context, &response);
+        v1::UploadArtifactRequest chunk;
+        *chunk.mutable_digest() = digest_of(half);
+        chunk.set_data(half.substr(0, 600'000));
+        stream->Write(chunk);
+        stream->WritesDone();
+        stream->Finish();
+    }
+
+    const std::string other = some_bytes(500'000) + "other";
+    const grpc::Status refused = server.upload(other, digest_of(other), &response);
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    const std::string small = some_bytes(200'000) + "small";
+    EXPECT_TRUE(server.upload(small, digest_of(small), &response).ok());
+    EXPECT_TRUE(server.upload(half, digest_of(half), &response).ok()) << "its own bytes count once";
+}
+
 TEST_F(Artifacts, GoOnAfterTheServerWasRestarted) {
     const std::string bytes = some_bytes(1'000'000);
     break_after(bytes, 300'000);

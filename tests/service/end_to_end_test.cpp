@@ -99,6 +99,84 @@ TEST_F(Programs, SubmitWatchAndGetFromANamedServer) {
     EXPECT_THAT(stopped.err, Not(HasSubstr("aorta"))) << "names of files are in the log";
 }
 
+TEST_F(Programs, KeepTheDraftsOfAResultThatBreaksABound) {
+    ServerProcess server;
+    const auto client = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {"--server", server.address()});
+        return run_client(folder_, words);
+    };
+
+    const auto refused = client({"run", kAorta, "--edge-length", "5", "--min-dihedral", "70", "-o",
+                                 "a.vtu", "--report", "q.json"});
+    const std::string name = nlohmann::json::parse(line_of(client({"--json", "list"}).out))["name"];
+    const auto got = client({"get", name, "-o", "draft.vtu"});
+    const auto retried = client({"retry", name});
+    const std::string again = line_of(retried.out);
+    const auto watched = client({"watch", again});
+    const auto shown = nlohmann::json::parse(client({"--json", "show", again}).out);
+
+    EXPECT_EQ(refused.exit_code, 4);
+    EXPECT_THAT(refused.last_error_line(), HasSubstr("min_dihedral"));
+    EXPECT_TRUE(nlohmann::json::parse(written("q.json")).contains("bounds"));
+    EXPECT_EQ(got.exit_code, 0) << got.err;
+    EXPECT_THAT(written("draft.vtu"), HasSubstr("UnstructuredGrid"));
+    EXPECT_THAT(folder_.names(), ElementsAre("draft.vtu", "q.json"));
+    EXPECT_EQ(watched.exit_code, 4);
+    EXPECT_EQ(shown["failure"]["reason"], "BOUND_NOT_MET");
+    EXPECT_EQ(shown["origin"], name);
+}
+
+TEST_F(Programs, RunAJobAnewThatWasRunBeforeIfAskedTo) {
+    ServerProcess server;
+    const auto attempts_of = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {"--server", server.address(), "--json", "run", kAorta,
+                                     "--edge-length", "6", "--surface-only"});
+        return nlohmann::json::parse(run_client(folder_, words).out).value("attempt", 0);
+    };
+
+    EXPECT_EQ(attempts_of({"-o", "a.ply"}), 1);
+    EXPECT_EQ(attempts_of({"-o", "a.ply"}), 0) << "answered by the first one's result";
+    EXPECT_EQ(attempts_of({"-o", "a.ply", "--skip-cache"}), 1);
+}
+
+TEST_F(Programs, EstimateAJobWithoutRunningIt) {
+    const auto told = remesh({"--json", "run", kAorta, "--edge-length", "5", "--estimate"});
+    const std::string bad = folder_.file("bad.off", "OFF\n3 7 0\n0 0 0\n");
+    const auto refused = remesh({"run", bad, "--estimate"});
+
+    ASSERT_EQ(told.exit_code, 0) << told.err;
+    const auto job = nlohmann::json::parse(told.out);
+    EXPECT_GT(job["estimate"]["tets"], 1'000);
+    EXPECT_EQ(job["name"], "");
+    EXPECT_EQ(refused.exit_code, 3);
+    EXPECT_THAT(refused.last_error_line(), HasSubstr("OFF"));
+    EXPECT_THAT(folder_.names(), ElementsAre("bad.off"));
+}
+
+TEST_F(Programs, LimitATenantAsItsOperatorSays) {
+    ServerProcess server;
+    const auto admin = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), {"admin", "tenant"});
+        words.insert(words.end(), {"--data-dir", server.data_dir()});
+        return run_remeshd(folder_, words);
+    };
+    const std::vector<std::string> submit{"--server", server.address(), "submit", kAorta};
+
+    const auto set = admin({"set", "default", "--weight", "3", "--max-queued", "0"});
+    const auto refused = run_client(folder_, submit);
+    admin({"set", "default", "--max-queued", "default"});
+    const auto taken = run_client(folder_, submit);
+    const auto shown = nlohmann::json::parse(admin({"show", "default"}).out);
+
+    EXPECT_EQ(set.exit_code, 0) << set.err;
+    EXPECT_EQ(refused.exit_code, 7) << refused.err;
+    EXPECT_EQ(taken.exit_code, 0) << taken.err;
+    EXPECT_EQ(shown["weight"], 3);
+    EXPECT_FALSE(shown.contains("max_queued"));
+    EXPECT_GT(shown["stored_bytes"], 0);
+    EXPECT_NE(admin({"set", "No Name", "--weight", "3"}).exit_code, 0);
+}
+
 TEST_F(Programs, RefuseAnOptionOutOfRangeByItsName) {
     const auto result = remesh({"run", kAorta, "--damping", "7", "-o", "a.ply"});
 

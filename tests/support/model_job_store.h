@@ -77,23 +77,10 @@ public:
         if (job.state != JobState::Queued) {
             return 0;
         }
-        std::int64_t rank = 0;
-        std::map<std::string, std::int64_t> others;
-        for (const Entry& entry : jobs_) {
-            if (entry.job.state == JobState::Queued) {
-                if (entry.job.key.tenant != job.key.tenant) {
-                    ++others[entry.job.key.tenant];
-                } else if (order_of(entry.job) < order_of(job)) {
-                    ++rank;
-                }
-            }
-        }
-        std::int64_t ahead = rank;
-        for (const auto& [tenant, queued] : others) {
-            ahead += jobs_ahead(rank, policies_[job.key.tenant].weight, queued,
-                                policies_[tenant].weight);
-        }
-        return ahead;
+        return std::count_if(jobs_.begin(), jobs_.end(), [&](const Entry& entry) {
+            return entry.job.state == JobState::Queued && entry.job.key.tenant == job.key.tenant &&
+                   order_of(entry.job) < order_of(job);
+        });
     }
 
     std::vector<StoredEvent> events_after(const JobKey& key, std::int64_t sequence,
@@ -311,11 +298,13 @@ public:
         return keys;
     }
 
-    std::optional<std::chrono::microseconds> mean_run_time(std::size_t count) override {
+    std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
+                                                           std::size_t count) override {
         const std::scoped_lock lock(mutex_);
         std::set<std::tuple<Time, std::int64_t, std::chrono::microseconds>> runs;
         for (const Entry& entry : jobs_) {
-            if (entry.job.state == JobState::Succeeded && entry.job.attempt > 0) {
+            if (entry.job.key.tenant == tenant && entry.job.state == JobState::Succeeded &&
+                entry.job.attempt > 0) {
                 runs.insert({*entry.job.end_time, entry.job.number,
                              *entry.job.end_time - *entry.job.start_time});
             }

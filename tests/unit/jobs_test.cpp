@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "core/error.h"
+#include "core/run_state.h"
 #include "server/jobs/losses.h"
 #include "tests/support/job_machine.h"
 
@@ -108,6 +109,85 @@ TEST(JobMachine, KeepsTheReportOfAResultThatBreaksABound) {
 
     EXPECT_EQ(job.outcome, "BOUND_NOT_MET");
     EXPECT_TRUE(machine.artifacts().find("clinic", sha256_of("a report")));
+}
+
+/// Keeps a record and stays, the first time; then tells what it goes on from.
+ScriptedEngine::Script keeping(const std::string& record, Gate& gate) {
+    return [record, &gate](const JobRequest&, std::string_view, RunContext& run,
+                           OutputSink& outputs) {
+        const std::string earlier(run.state()->begin());
+        run.state()->keep(record);
+        run.enter(Stage::Relax);
+        gate.pass(run);
+        JobResult result;
+        const auto artifact = outputs.add([&](std::ostream& out) { out << "from:" << earlier; });
+        result.outputs.push_back({OutputKind::Surface, MeshFormat::Stl, artifact, "out.stl"});
+        return result;
+    };
+}
+
+TEST(JobMachine, GoesOnFromTheCheckpointThatAShutdownLeft) {
+    Gate gate;
+    JobMachine machine(keeping("halfway", gate));
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Running);
+    machine.stop();
+
+    gate.open();
+    machine.start();
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Succeeded).attempt, 1);
+    EXPECT_TRUE(machine.artifacts().find("clinic", sha256_of("from:halfway")));
+    machine.stop();  // the worker has cleaned up behind itself
+    machine.start();
+    EXPECT_EQ(machine.artifacts().checkpoints().load(key, "").finding,
+              CheckpointFiles::Finding::None);
+}
+
+TEST(JobMachine, BeginsAnewWhereACheckpointIsOfNoUse) {
+    Gate gate;
+    gate.open();
+    JobMachine machine(keeping("halfway", gate));
+    const JobKey damaged = machine.submit("one");
+    const JobKey malformed = machine.submit("two");
+    machine.artifacts().checkpoints().save(damaged, "another spec", {"state"});
+    machine.artifacts().checkpoints().save(malformed, "", {"not a number of records"});
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(damaged, JobState::Succeeded).state, JobState::Succeeded);
+    EXPECT_EQ(machine.wait_for(malformed, JobState::Succeeded).state, JobState::Succeeded);
+    EXPECT_TRUE(machine.artifacts().find("clinic", sha256_of("from:")));
+}
+
+TEST(JobMachine, LooksAfterHalfUploadsWhenItCleansUp) {
+    JobMachine machine;
+    Time before{};
+    HousekeeperOptions options;
+    options.keep_uploads = std::chrono::hours(2);
+    options.remove_uploads = [&](Time time) { before = time; };
+    TextCodec codec;
+    Housekeeper housekeeper(
+        machine.store(), machine.artifacts(), machine.registry(), codec,
+        [](const std::string&) { return true; }, options);
+
+    housekeeper.clean_up(Time(std::chrono::hours(10)));
+
+    EXPECT_EQ(before, Time(std::chrono::hours(8)));
+}
+
+TEST(JobMachine, DropsTheCheckpointOfAJobThatIsCancelledOrDeleted) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    const CheckpointFiles& files = machine.artifacts().checkpoints();
+    files.save(key, "", {"state"});
+    machine.registry().cancel(key);
+    EXPECT_EQ(files.load(key, "").finding, CheckpointFiles::Finding::None);
+
+    files.save(key, "", {"state"});
+    machine.registry().remove(key, std::nullopt);
+    EXPECT_EQ(files.load(key, "").finding, CheckpointFiles::Finding::None);
 }
 
 TEST(JobMachine, FailsTheJobOfAnEngineThatThrowsSomethingElse) {

@@ -151,7 +151,10 @@ TEST_P(JobStoreConformance, HandsOutTheHighestPriorityThenTheOldest) {
     const JobRecord high = create("high", 5);
 
     EXPECT_EQ(store->queue_position(high), 0);
+    create_for("other", "theirs");
     EXPECT_EQ(store->queue_position(*store->find({"clinic", "second"})), 2);
+    EXPECT_EQ(store->queue_position(*store->find({"other", "theirs"})), 0) << "counts its own";
+    store->request_cancel({"other", "theirs"}, at(2));
     EXPECT_EQ(claim_at(2)->key.id, "high");
     EXPECT_EQ(claim_at(2)->key.id, "first");
     EXPECT_EQ(claim_at(2)->key.id, "second");
@@ -516,7 +519,7 @@ TEST_P(JobStoreConformance, AnswersAJobByAnEqualOnesResult) {
     EXPECT_EQ(store->find(answered->key), answered);
     EXPECT_EQ(run->state, JobState::Queued);
     EXPECT_FALSE(store->remove_artifact("clinic", kOutput)) << "the second job needs it";
-    EXPECT_EQ(store->mean_run_time(10), std::nullopt);
+    EXPECT_EQ(store->mean_run_time("clinic", 10), std::nullopt);
 }
 
 TEST_P(JobStoreConformance, TellsTheLastProgressOfThePresentAttempt) {
@@ -549,8 +552,9 @@ TEST_P(JobStoreConformance, FindsWhatEndedLongAgoAndHowLongJobsTook) {
     EXPECT_THAT(store->ended_before(at(8), 10),
                 ElementsAre(JobKey{"clinic", "one"}, JobKey{"clinic", "three"}));
     EXPECT_THAT(store->ended_before(at(9), 1), ElementsAre(JobKey{"clinic", "one"}));
-    EXPECT_EQ(store->mean_run_time(10), seconds(4));
-    EXPECT_EQ(store->mean_run_time(1), seconds(6));
+    EXPECT_EQ(store->mean_run_time("clinic", 10), seconds(4));
+    EXPECT_EQ(store->mean_run_time("clinic", 1), seconds(6));
+    EXPECT_EQ(store->mean_run_time("other", 10), std::nullopt);
 }
 
 TEST_P(JobStoreConformance, TellsEachListenerWhichJobsChanged) {

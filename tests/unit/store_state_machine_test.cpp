@@ -66,7 +66,7 @@ public:
         ASSERT_EQ(store_->held(), model_.held());
         ASSERT_EQ(store_->unreferenced_artifacts(now_), model_.unreferenced_artifacts(now_));
         ASSERT_EQ(store_->ended_before(now_, 5), model_.ended_before(now_, 5));
-        ASSERT_EQ(store_->mean_run_time(7), model_.mean_run_time(7));
+        ASSERT_EQ(store_->mean_run_time("a", 7), model_.mean_run_time("a", 7));
         ASSERT_EQ(store_->figures(), model_.figures());
     }
 

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "server/store/artifact_store.h"
+#include "server/store/checkpoint_files.h"
 #include "server/store/data_dir.h"
 #include "server/store/digest.h"
 #include "server/store/job_store.h"
@@ -402,6 +403,60 @@ TEST_F(ArtifactStoreTest, CollectsStraysAndWhatNobodyEverNeeded) {
     EXPECT_FALSE(std::filesystem::exists(path_of("stray")));
     EXPECT_FALSE(std::filesystem::exists(path_of("stray").replace_filename(".draft-1")));
     EXPECT_TRUE(std::filesystem::exists(path_of("new")));
+}
+
+using Finding = CheckpointFiles::Finding;
+
+const std::string kStateKey(64, 'e');
+
+TEST(CheckpointFiles, GiveBackTheNewestStateOfEachJob) {
+    const TemporaryDirectory directory;
+    const CheckpointFiles files(directory.path());
+    EXPECT_EQ(files.load({"clinic", "a"}, kStateKey).finding, Finding::None);
+
+    files.save({"clinic", "a"}, kStateKey, {"old"});
+    files.save({"clinic", "a"}, kStateKey, {"half and ", "half"});
+    files.save({"other", "a"}, kStateKey, {});
+
+    EXPECT_EQ(files.load({"clinic", "a"}, kStateKey).state, "half and half");
+    EXPECT_EQ(files.load({"other", "a"}, kStateKey).finding, Finding::Good);
+    files.remove({"clinic", "a"});
+    EXPECT_EQ(files.load({"clinic", "a"}, kStateKey).finding, Finding::None);
+}
+
+TEST(CheckpointFiles, TellAStateOfAnotherSpecOrEngineAndADamagedOne) {
+    const TemporaryDirectory directory;
+    const CheckpointFiles files(directory.path());
+    const JobKey job{"clinic", "a"};
+    const auto file = directory.path() / "tenants" / "clinic" / "checkpoints" / "a";
+    files.save(job, kStateKey, {"state"});
+    const std::string good = bytes_of(file);
+
+    EXPECT_EQ(files.load(job, std::string(64, 'f')).finding, Finding::Stale);
+    for (const std::size_t size : {std::size_t{0}, std::size_t{30}, good.size() - 1}) {
+        std::ofstream(file, std::ios::binary) << good.substr(0, size);
+        EXPECT_EQ(files.load(job, kStateKey).finding, Finding::Damaged) << size;
+    }
+    std::string flipped = good;
+    flipped.back() = 'E';
+    std::ofstream(file, std::ios::binary) << flipped;
+    EXPECT_EQ(files.load(job, kStateKey).finding, Finding::Damaged);
+}
+
+TEST(CheckpointFiles, AreTheOwnersAloneAndGoWithTheirJobs) {
+    const TemporaryDirectory directory;
+    const CheckpointFiles files(directory.path());
+    const auto folder = directory.path() / "tenants" / "clinic" / "checkpoints";
+    files.save({"clinic", "a"}, kStateKey, {"state"});
+    files.save({"clinic", "b"}, kStateKey, {"state"});
+    std::ofstream(folder / "b.4711") << "of a writer that was killed";
+
+    EXPECT_EQ(std::filesystem::status(folder / "a").permissions(),
+              std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+    files.collect_garbage([](const JobKey& job) { return job == JobKey{"clinic", "a"}; });
+
+    EXPECT_EQ(files.load({"clinic", "a"}, kStateKey).finding, Finding::Good);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1);
 }
 
 }  // namespace

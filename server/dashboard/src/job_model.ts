@@ -93,9 +93,10 @@ export class JobModel {
     }
 
     private addSample(sample: Sample) {
-        const last = this.samples.at(-1);
-        if (last && sample.iteration <= last.iteration) {
-            this.samples = [];
+        // A new attempt begins anew, or goes on a little before where the last one was lost.
+        const kept = this.samples.findIndex((known) => known.iteration >= sample.iteration);
+        if (kept >= 0) {
+            this.samples = this.samples.slice(0, kept);
         }
         this.samples.push(sample);
     }
