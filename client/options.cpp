@@ -102,6 +102,13 @@ void add_repair_options(CLI::App& command, v1::Options& options) {
     add_value<double>(command, "--corner-angle", "DEG",
                       "Sharp lines that turn by more have a corner",
                       [&](double x) { features.set_corner_angle(x); });
+    add_choice<v1::Features::Patches>(command, "--patches",
+                                      {{"input", v1::Features::PATCHES_INPUT},
+                                       {"faces", v1::Features::PATCHES_FACES},
+                                       {"none", v1::Features::PATCHES_NONE}},
+                                      "Named parts of the surface: the input's, or what lies "
+                                      "between sharp edges",
+                                      [&](auto x) { features.set_patches(x); });
 }
 
 void add_relaxation_options(CLI::App& command, v1::Options& options) {

@@ -128,6 +128,15 @@ std::vector<double> sizes_at(const Points& points, const SizingField& sizing,
     return sizes;
 }
 
+void set_patches(PatchSource source, const Domain& domain, const FeatureSet& features,
+                 const ImproveResult& improved, SurfaceMesh& surface, RunContext& run) {
+    switch (source) {
+        case PatchSource::Input: return carry_patches(domain, surface, run);
+        case PatchSource::Faces: surface.patch = number_faces(features, improved); return;
+        case PatchSource::None: return;
+    }
+}
+
 double relative_change(double before, double after) {
     return before != 0.0 ? (after - before) / before : 0.0;
 }
@@ -233,6 +242,7 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     clock.enter(Stage::Verify);
     tbb::parallel_invoke([&] { require_valid(improved.mesh, run); },
                          [&] { result.surface = boundary_surface(improved.mesh); });
+    set_patches(options.patches, domain, features, improved, result.surface, run);
     if (options.sizing.return_field) {
         result.surface_sizes = sizes_at(result.surface.vertices, *sizing, run);
         result.tet_sizes = sizes_at(improved.mesh.vertices, *sizing, run);

@@ -10,6 +10,7 @@
 #include "core/stages/carve.h"
 #include "core/stages/features.h"
 #include "core/stages/improve.h"
+#include "core/stages/patches.h"
 #include "core/stages/populate.h"
 #include "core/stages/prepare.h"
 #include "core/stages/relax.h"
@@ -31,13 +32,15 @@ struct RemeshOptions {
     PopulationOptions population{};
     CarveOptions carve{};
     ImproveOptions improve{};
+    PatchSource patches = PatchSource::Input;
     BoundOptions bounds{};  ///< Checked in the report; a result that breaks them is returned too.
     /// More tets than this make the edge length grow until they fit, >= 100; absent: any number.
     std::optional<std::int64_t> max_tets{};
 };
 
 struct RemeshResult {
-    SurfaceMesh surface{};  ///< Closed, manifold, free of self-intersections, facing outward.
+    SurfaceMesh surface{};  ///< Closed, manifold, free of self-intersections, facing outward;
+                            ///< its triangles in the order of boundary_of(tets.tets).
     TetMesh tets{};         ///< Empty for a surface-only run.
     std::vector<double> surface_sizes{};  ///< h(x) at the vertices of each, if asked for.
     std::vector<double> tet_sizes{};

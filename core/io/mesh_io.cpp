@@ -125,13 +125,13 @@ void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& 
 }
 
 void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out,
-                const std::vector<double>& sizes) {
+                const std::vector<double>& sizes, const SurfaceMesh& boundary) {
     switch (format) {
         case MeshFormat::Vtk: return io::write_vtk(mesh, out, sizes);
         case MeshFormat::Vtu: return io::write_vtu(mesh, out, sizes);
-        case MeshFormat::Medit: return io::write_medit(mesh, out);
-        case MeshFormat::Msh41: return io::write_msh41(mesh, out);
-        case MeshFormat::Msh22: return io::write_msh22(mesh, out);
+        case MeshFormat::Medit: return io::write_medit(mesh, out, boundary);
+        case MeshFormat::Msh41: return io::write_msh41(mesh, out, boundary);
+        case MeshFormat::Msh22: return io::write_msh22(mesh, out, boundary);
         case MeshFormat::Stl:
         case MeshFormat::Ply:
         case MeshFormat::Off:

@@ -63,11 +63,15 @@ void write_surface(const SurfaceMesh& surface, MeshFormat format, std::ostream& 
 
 /// Writes tets: Vtu (zlib, appended or inline base64), Vtk (legacy, binary), Medit (.mesh, ASCII,
 /// with boundary triangles), Msh41 and Msh22 (gmsh ASCII, physical names, with boundary triangles).
-/// The label of a boundary triangle is the region that it bounds.
+/// The label of a boundary triangle is its patch + 1 if the boundary has patches, whose names are
+/// physical names then; else it is the region that it bounds.
+///
+/// \param boundary  with its triangles in the order of boundary_of(mesh.tets); only its patches
+/// count, and it may be empty
 /// \throws Error{Unsupported} for another format
 /// \throws Error{InvalidInput} for a region below 1 in Medit, Msh41 and Msh22
 void write_tets(const TetMesh& mesh, MeshFormat format, std::ostream& out,
-                const std::vector<double>& sizes = {});
+                const std::vector<double>& sizes = {}, const SurfaceMesh& boundary = {});
 
 /// By extension (".gz" ignored), any case; nothing for an unknown one. ".msh" is Msh41.
 [[nodiscard]] std::optional<MeshFormat> format_of_name(std::string_view file_name);

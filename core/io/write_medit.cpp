@@ -4,8 +4,8 @@
 
 namespace remesh::io {
 
-void write_medit(const TetMesh& mesh, std::ostream& out) {
-    const LabelledTets labelled(mesh);
+void write_medit(const TetMesh& mesh, std::ostream& out, const SurfaceMesh& patches) {
+    const LabelledTets labelled(mesh, patches);
     Output output(out);
     output << "MeshVersionFormatted 2\nDimension 3\nVertices\n" << mesh.vertices.size() << '\n';
     for (const auto& v : mesh.vertices) {
@@ -14,8 +14,7 @@ void write_medit(const TetMesh& mesh, std::ostream& out) {
     output << "Triangles\n" << labelled.boundary.size() << '\n';
     for (std::size_t t = 0; t < labelled.boundary.size(); ++t) {
         const auto& [a, b, c] = labelled.boundary[t];
-        output << a + 1 << ' ' << b + 1 << ' ' << c + 1 << ' ' << labelled.region_of_triangle(t)
-               << '\n';
+        output << a + 1 << ' ' << b + 1 << ' ' << c + 1 << ' ' << labelled.label_of(t) << '\n';
     }
     output << "Tetrahedra\n" << mesh.tets.size() << '\n';
     for (std::size_t t = 0; t < mesh.tets.size(); ++t) {

@@ -2,12 +2,16 @@
 
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "core/geometry/winding_number.h"
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
 
 namespace remesh {
+
+/// Name of the patch of what closes holes, where the input has patches.
+inline constexpr std::string_view kClosedHoles = "closed holes";
 
 struct HoleOptions {
     double cell = 0.0;  ///< Size of the grid's cells, model units, > 0.

@@ -68,14 +68,17 @@ void append(SurfaceMesh& to, const SurfaceMesh& patches) {
     for (const Triangle& t : patches.triangles) {
         to.triangles.push_back({t[0] + shift, t[1] + shift, t[2] + shift});
     }
-    if (!to.patch.empty() && !patches.triangles.empty()) {
-        const auto id = *std::max_element(to.patch.begin(), to.patch.end()) + 1;
-        to.patch.resize(to.triangles.size(), id);
-        if (!to.patch_names.empty()) {
-            to.patch_names.resize(static_cast<std::size_t>(id));
-            to.patch_names.emplace_back("closed holes");
-        }
+    if (to.patch.empty() || patches.triangles.empty()) {
+        return;
     }
+    // Holes are closed in two steps, as one patch after those of the input.
+    auto& names = to.patch_names;
+    if (names.empty() || names.back() != kClosedHoles) {
+        const auto ids = *std::max_element(to.patch.begin(), to.patch.end()) + 1;
+        names.resize(std::max(names.size(), static_cast<std::size_t>(ids)));
+        names.emplace_back(kClosedHoles);
+    }
+    to.patch.resize(to.triangles.size(), static_cast<std::int32_t>(names.size()) - 1);
 }
 
 /// Sorts triangles so that neighbours in space are neighbours in memory, and vertices by their

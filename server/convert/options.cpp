@@ -74,6 +74,24 @@ v1::Improvement::Mode to_proto(ImproveMode mode) {
     return v1::Improvement::MODE_UNSPECIFIED;
 }
 
+PatchSource to_core(v1::Features::Patches patches, PatchSource otherwise) {
+    switch (patches) {
+        case v1::Features::PATCHES_INPUT: return PatchSource::Input;
+        case v1::Features::PATCHES_FACES: return PatchSource::Faces;
+        case v1::Features::PATCHES_NONE: return PatchSource::None;
+        default: return otherwise;
+    }
+}
+
+v1::Features::Patches to_proto(PatchSource source) {
+    switch (source) {
+        case PatchSource::Input: return v1::Features::PATCHES_INPUT;
+        case PatchSource::Faces: return v1::Features::PATCHES_FACES;
+        case PatchSource::None: return v1::Features::PATCHES_NONE;
+    }
+    return v1::Features::PATCHES_UNSPECIFIED;
+}
+
 void read(const v1::Prepare& from, PrepareOptions& to) {
     to.close_holes = from.has_close_holes() ? from.close_holes() : to.close_holes;
     to.smoothing = to_core(from.smoothing(), to.smoothing);
@@ -142,6 +160,7 @@ RemeshOptions to_core(const v1::Options& from) {
     to.seed.seed = from.has_seed() ? from.seed() : to.seed.seed;
     read(from.prepare(), to.prepare);
     read(from.features(), to.features);
+    to.patches = to_core(from.features().patches(), to.patches);
     to.sizing = to_core(from.sizing());
     read(from.relaxation(), to.relax);
     to.seed.preload =
@@ -174,6 +193,7 @@ v1::Options to_proto(const RemeshOptions& from) {
     features->set_detect(from.features.detect);
     features->set_sharp_angle(from.features.sharp_angle);
     features->set_corner_angle(from.features.corner_angle);
+    features->set_patches(to_proto(from.patches));
     *to.mutable_sizing() = to_proto(from.sizing);
     auto* relaxation = to.mutable_relaxation();
     relaxation->set_force(to_proto(from.relax.force));

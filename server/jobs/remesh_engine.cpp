@@ -130,7 +130,7 @@ JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, R
     for (const OutputRequest& wanted : request.outputs) {
         const bool is_tets = wants_tets(wanted, request.options);
         const ArtifactId artifact = outputs.add([&](std::ostream& out) {
-            is_tets ? write_tets(mesh.tets, wanted.format, out, mesh.tet_sizes)
+            is_tets ? write_tets(mesh.tets, wanted.format, out, mesh.tet_sizes, mesh.surface)
                     : write_surface(mesh.surface, wanted.format, out, mesh.surface_sizes);
         });
         result.outputs.push_back({is_tets ? OutputKind::Tetrahedra : OutputKind::Surface,

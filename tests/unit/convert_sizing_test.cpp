@@ -1,9 +1,10 @@
-// Sizes between the contract and the engine.
+// Sizes and patches between the contract and the engine.
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
+#include "server/convert.h"
 #include "server/convert/sizing.h"
 #include "server/jobs/registry.h"
 
@@ -78,6 +79,16 @@ TEST(ConvertSizing, NamesTheRegionThatHasTooFewNumbersOrNoShape) {
     sizing = full();
     sizing.add_regions()->set_size(1.0);
     EXPECT_EQ(field_refused_in(sizing), "sizing.regions[4]");
+}
+
+TEST(ConvertPatches, ComeBackAsTheyWentAndAreTheInputsIfAbsent) {
+    for (const auto source :
+         {v1::Features::PATCHES_INPUT, v1::Features::PATCHES_FACES, v1::Features::PATCHES_NONE}) {
+        v1::Options options;
+        options.mutable_features()->set_patches(source);
+        EXPECT_EQ(to_proto(to_core(options)).features().patches(), source);
+    }
+    EXPECT_EQ(to_core(v1::Options{}).patches, PatchSource::Input);
 }
 
 }  // namespace

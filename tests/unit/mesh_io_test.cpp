@@ -504,6 +504,34 @@ TEST(Sizes, AreRefusedWhereThereAreNone) {
     EXPECT_NE(message_of(MeshFormat::Stl).find("read from PLY, VTP and VTK"), std::string::npos);
 }
 
+TEST(WriteTets, GivesBoundaryTrianglesTheirPatches) {
+    TetMesh mesh;
+    mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    mesh.tets = {{0, 1, 2, 3}};
+    SurfaceMesh boundary = boundary_surface(mesh);
+    boundary.patch = {2, 0, 0, 2};
+    boundary.patch_names = {"the \"wall\"", "unused", "inlet"};
+    const auto text_of = [&](MeshFormat format) {
+        std::ostringstream out;
+        write_tets(mesh, format, out, {}, boundary);
+        return out.str();
+    };
+
+    EXPECT_THAT(text_of(MeshFormat::Medit),
+                AllOf(HasSubstr("3 4 3\n"), HasSubstr(" 1\n"), HasSubstr("1 2 3 4 1\nEnd")));
+    const std::string names = "3\n2 1 \"the__wall_\"\n2 3 \"inlet\"\n3 1 \"region_1\"\n";
+    EXPECT_THAT(text_of(MeshFormat::Msh22),
+                AllOf(HasSubstr("$PhysicalNames\n" + names), HasSubstr("1 2 2 3 3 "),
+                      HasSubstr("2 2 2 1 1 "), HasSubstr("5 4 2 1 1 ")));
+    EXPECT_THAT(text_of(MeshFormat::Msh41),
+                AllOf(HasSubstr("$PhysicalNames\n" + names), HasSubstr("$Entities\n0 0 2 1\n"),
+                      HasSubstr("0 0 0 1 1 1 1 1 2 1 3\n"), HasSubstr("$Elements\n3 5 1 5\n"),
+                      HasSubstr("2 1 2 2\n"), HasSubstr("2 3 2 2\n"), HasSubstr("3 1 4 1\n")));
+
+    boundary.patch.pop_back();
+    EXPECT_THROW(text_of(MeshFormat::Medit), Error);
+}
+
 TEST(Formats, AreKnownByNameAndExtension) {
     EXPECT_EQ(format_of_name("a/b.c/aorta.STL.gz"), MeshFormat::Stl);
     EXPECT_EQ(format_of_name(".gii"), MeshFormat::Gifti);
