@@ -167,6 +167,40 @@ QualityReport make_report(PrepareResult prepared, const RemeshResult& result,
     return report;
 }
 
+/// Particles at rest and their Delaunay tets.
+struct Filling {
+    Particles particles{};
+    TetComplex delaunay{};
+};
+
+Filling fill(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
+             const RemeshOptions& options, StageClock& clock, RunContext& run) {
+    clock.enter(Stage::Seed);
+    Particles particles = seed_surface(domain, features, sizing, options.seed, run);
+
+    clock.enter(Stage::Relax);
+    particles = relax_surface(particles, domain, features, sizing, options.relax, run).particles;
+
+    clock.enter(Stage::Seed);
+    particles = seed_volume(particles, domain, sizing,
+                            options.tetrahedra ? std::nullopt : std::optional(kShellDepth),
+                            options.seed, run);
+
+    clock.enter(Stage::Relax);
+    particles = relax_volume(particles, domain, sizing, options.relax, run).particles;
+
+    clock.enter(Stage::Tetrahedralize);
+    auto delaunay = tetrahedralize(particles.position, run);
+    for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
+        clock.enter(Stage::Relax);
+        auto populated = control_population(particles, delaunay, domain, sizing, run);
+        particles = relax_volume(populated.particles, domain, sizing, options.relax, run).particles;
+        clock.enter(Stage::Tetrahedralize);
+        delaunay = tetrahedralize(particles.position, run);
+    }
+    return {std::move(particles), std::move(delaunay)};
+}
+
 // The paper's steps. Nothing if more tets than max_tets would come out; `tets` says how many.
 std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
                                     const std::vector<double>& sizes, const RemeshOptions& options,
@@ -194,30 +228,7 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     const auto sizing =
         build_sizing_field(domain, features, h, options.sizing, run, {&input, sizes});
 
-    clock.enter(Stage::Seed);
-    Particles particles = seed_surface(domain, features, *sizing, options.seed, run);
-
-    clock.enter(Stage::Relax);
-    particles = relax_surface(particles, domain, features, *sizing, options.relax, run).particles;
-
-    clock.enter(Stage::Seed);
-    particles = seed_volume(particles, domain, *sizing,
-                            options.tetrahedra ? std::nullopt : std::optional(kShellDepth),
-                            options.seed, run);
-
-    clock.enter(Stage::Relax);
-    particles = relax_volume(particles, domain, *sizing, options.relax, run).particles;
-
-    clock.enter(Stage::Tetrahedralize);
-    auto delaunay = tetrahedralize(particles.position, run);
-    for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
-        clock.enter(Stage::Relax);
-        auto populated = control_population(particles, delaunay, domain, *sizing, run);
-        particles =
-            relax_volume(populated.particles, domain, *sizing, options.relax, run).particles;
-        clock.enter(Stage::Tetrahedralize);
-        delaunay = tetrahedralize(particles.position, run);
-    }
+    auto [particles, delaunay] = fill(domain, features, *sizing, options, clock, run);
 
     clock.enter(Stage::Carve);
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
