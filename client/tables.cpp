@@ -25,8 +25,14 @@ std::string percent(double share) {
     return fmt::format("{:.0f} %", 100.0 * share);
 }
 
-void add_surface_rows(Rows& rows, const v1::SurfaceQuality& before,
-                      const v1::SurfaceQuality& after) {
+bool was_open(const v1::Quality& quality) {
+    return std::any_of(quality.defects().begin(), quality.defects().end(),
+                       [](const v1::Defect& defect) { return defect.code() == "OPEN_BOUNDARY"; });
+}
+
+void add_surface_rows(Rows& rows, const v1::Quality& quality) {
+    const auto& before = quality.before();
+    const auto& after = quality.after();
     const auto row = [&](const std::string& title, auto value) {
         rows.push_back({title, value(before), value(after)});
     };
@@ -38,7 +44,8 @@ void add_surface_rows(Rows& rows, const v1::SurfaceQuality& before,
     row("  smallest angle, degrees", [](const Surface& s) { return degrees(s.min_angle().min()); });
     row("components", [](const Surface& s) { return with_thousands(s.components()); });
     row("area", [](const Surface& s) { return number_word(s.area()); });
-    row("enclosed volume", [](const Surface& s) { return number_word(s.volume()); });
+    rows.push_back({"enclosed volume", was_open(quality) ? "open" : number_word(before.volume()),
+                    number_word(after.volume())});
 }
 
 void add_tet_rows(Rows& rows, const v1::TetQuality& tets) {
@@ -114,7 +121,7 @@ double run_seconds(const v1::Job& job) {
 
 std::string quality_table(const v1::Quality& quality) {
     Rows rows{{"", "before", "after"}};
-    add_surface_rows(rows, quality.before(), quality.after());
+    add_surface_rows(rows, quality);
     if (quality.has_tets()) {
         add_tet_rows(rows, quality.tets());
     }

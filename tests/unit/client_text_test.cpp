@@ -170,6 +170,19 @@ TEST(QualityTable, LeavesTetsOutWhenThereAreNone) {
     EXPECT_THAT(table, HasSubstr("no defects found"));
 }
 
+TEST(QualityTable, CallsAnOpenInputOpenInsteadOfTellingAVolume) {
+    v1::Quality quality;
+    quality.mutable_before()->set_volume(123.0);
+    quality.mutable_after()->set_volume(456.0);
+    EXPECT_THAT(quality_table(quality), HasSubstr("123"));
+    quality.add_defects()->set_code("OPEN_BOUNDARY");
+
+    const std::string table = quality_table(quality);
+
+    EXPECT_THAT(table, testing::Not(HasSubstr("123")));
+    EXPECT_THAT(table, testing::AllOf(HasSubstr("open"), HasSubstr("456")));
+}
+
 TEST(ExitCode, FollowsTheReasonOfAFailure) {
     v1::Job job;
     job.set_state(v1::Job::STATE_FAILED);
