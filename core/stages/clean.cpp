@@ -270,6 +270,7 @@ private:
         DisjointSets rims(surface.vertices.size());
         std::vector<char> on_rim(surface.vertices.size(), 0);
         double length_sum = 0.0;
+        double square_sum = 0.0;
         double uses = 0.0;
         double sharp_length = 0.0;
         for (const auto& edge : table.edges()) {
@@ -277,6 +278,7 @@ private:
                                    surface.vertices[static_cast<std::size_t>(edge.high)])
                                       .norm();
             length_sum += length * edge.count;
+            square_sum += length * length * edge.count;
             uses += edge.count;
             const auto halves = table.half_edges(edge);
             for (const auto half : halves) {
@@ -310,6 +312,9 @@ private:
         }
         facts.vertices = static_cast<std::int64_t>(surface.vertices.size());
         facts.mean_edge = length_sum / uses;
+        facts.edge_variation =
+            std::sqrt(std::max(0.0, square_sum / uses - facts.mean_edge * facts.mean_edge)) /
+            facts.mean_edge;
         facts.sharp_edge_density = sharp_length * h / facts.area;
         facts.bounds = bounding_box(surface.vertices);
     }

@@ -30,11 +30,13 @@
 namespace remesh {
 namespace {
 
-constexpr double kHoleCell = 0.6;       // Of h: cells of the grid that closes holes.
-constexpr double kHoleGap = 0.25;       // Of h: patches stop so near to the skin,
-constexpr double kRoughHoleGap = 0.5;   // and where the skin is rough.
-constexpr double kRoughDensity = 0.85;  // Density of sharp edges from which on to smooth
-constexpr double kFineEdge = 1.6;       // unless the mean edge is longer than this times h.
+constexpr double kHoleCell = 0.6;              // Of h: cells of the grid that closes holes.
+constexpr double kHoleGap = 0.25;              // Of h: patches stop so near to the skin,
+constexpr double kRoughHoleGap = 0.5;          // and where the skin is rough.
+constexpr double kRoughDensity = 0.85;         // Density of sharp edges from which on to smooth
+constexpr double kFineEdge = 1.6;              // unless the mean edge is longer than this times h,
+constexpr double kEvenEdges = 0.5;             // or edges vary less than this, as those of voxels,
+constexpr std::int64_t kManyTriangles = 1000;  // and are too many for a plain part.
 // Of all area, the mean of what separates in from out at all and of what does so soundly. Real
 // surfaces, badly damaged ones included, were above 0.45, random triangles at 0.13.
 constexpr double kLeastSkin = 0.3;
@@ -327,20 +329,34 @@ private:
         }
     }
 
-    [[nodiscard]] bool wants_smoothing() const {
+    [[nodiscard]] bool is_rough() const {
         const auto& facts = result_.facts;
+        return facts.sharp_edge_density > kRoughDensity && facts.mean_edge < kFineEdge * h_;
+    }
+
+    /// Stairs of voxels larger than h: h resolves them, but they aren't the body's.
+    [[nodiscard]] bool has_coarse_stairs() const {
+        const auto& facts = result_.facts;
+        const double density = facts.sharp_edge_density * facts.mean_edge / h_;
+        return !is_rough() && facts.mean_edge > h_ && density > kRoughDensity &&
+               facts.edge_variation < kEvenEdges && facts.triangles >= kManyTriangles;
+    }
+
+    [[nodiscard]] bool wants_smoothing() const {
         return options_.smoothing == Smoothing::On ||
-               (options_.smoothing == Smoothing::Automatic &&
-                facts.sharp_edge_density > kRoughDensity && facts.mean_edge < kFineEdge * h_);
+               (options_.smoothing == Smoothing::Automatic && (is_rough() || has_coarse_stairs()));
     }
 
     Points smooth(const WindingNumber& winding) {
         const double mean_edge = result_.facts.mean_edge;
-        auto smoothed = smooth_skin(std::move(skin_), winding,
-                                    {.h = h_,
-                                     .mean_edge = mean_edge,
-                                     .reach = options_.max_displacement * std::min(mean_edge, h_)},
-                                    run_);
+        const double detail = has_coarse_stairs() ? mean_edge : h_;
+        auto smoothed =
+            smooth_skin(std::move(skin_), winding,
+                        {.h = h_,
+                         .mean_edge = mean_edge,
+                         .detail = detail,
+                         .reach = options_.max_displacement * std::min(mean_edge, detail)},
+                        run_);
         skin_ = std::move(smoothed.surface);
         result_.smoothed = true;
         result_.noisy = smoothed.noisy;

@@ -22,8 +22,8 @@ struct PrepareOptions {
     bool close_holes =
         true;  ///< Triangulate the winding number's 1/2 level where the input is open.
     Smoothing smoothing = Smoothing::Automatic;
-    double max_displacement =
-        0.6;  ///< Of smoothing, as a fraction of min(mean input edge, h), in (0, 2].
+    double max_displacement = 0.6;  ///< Of smoothing, as a fraction of min(mean input edge, h), or
+                                    ///< of the edge where it is that of voxel stairs; in (0, 2].
     double speck_volume =
         1e-3;  ///< Closed parts below this share of the largest one's volume go, in [0, 1).
     bool keep_cavities = false;  ///< Cavities (inward shells inside a body) stay holes in the mesh.
@@ -52,6 +52,7 @@ struct InputFacts {
     double area = 0.0;       ///< Model units squared.
     double volume = 0.0;     ///< Of the repaired body (|w| >= 1/2), model units cubed.
     double mean_edge = 0.0;  ///< Model units.
+    double edge_variation = 0.0;  ///< Standard deviation of the edges' lengths over their mean.
     double sharp_edge_density =
         0.0;  ///< (length bent over 30 degrees) h / area: tells CAD, stairs and noise apart.
     Box bounds{};

@@ -78,7 +78,7 @@ private:
             const double at = sum * (static_cast<double>(k) + 0.5) / kSamples;
             const auto found = std::lower_bound(total.begin(), total.end(), at);
             const auto i = std::min(static_cast<std::size_t>(found - total.begin()), n - 1);
-            const Vec3 gradient = field_.at(centroid(raw_, i), 1.2 * options_.h).gradient;
+            const Vec3 gradient = field_.at(centroid(raw_, i), 1.2 * options_.detail).gradient;
             const Vec3 normal = area_vector(raw_, i).normalized();
             return -normal.dot(gradient) < kRoughCosine * gradient.norm() ? 1.0 : 0.0;
         });
@@ -87,7 +87,7 @@ private:
 
     void project() {
         const double radius =
-            std::clamp(1.7 * options_.mean_edge, 0.6 * options_.h, 1.5 * options_.h);
+            std::clamp(1.7 * options_.mean_edge, 0.6 * options_.detail, 1.5 * options_.detail);
         is_moved_.assign(raw_.vertices.size(), 0);
         for_each_index(raw_.vertices.size(), run_, [&](std::size_t i) {
             const auto moved = smooth_place(raw_.vertices[i], radius);
@@ -196,7 +196,7 @@ private:
                 if (part_[i] != kNone) {
                     const auto p = static_cast<std::size_t>(part_[i]);
                     const double offset = (wanted[p] - volume[p]) / area[p];
-                    const double bound = 0.1 * options_.h;
+                    const double bound = 0.1 * options_.detail;
                     surface.vertices[i] += std::clamp(offset, -bound, bound) * result_.normals[i];
                 }
             }

@@ -336,6 +336,27 @@ TEST(PrepareSurface, SmoothsStairsAndKeepsTheVolume) {
               0.95);
 }
 
+TEST(PrepareSurface, SmoothsStairsThatElementsWouldResolve) {
+    const auto ball = [](const Vec3& x) { return x.norm() < 1.0; };
+    const auto mesh =
+        testing::voxel_surface(ball, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
+
+    const auto result = prepare(mesh, 0.04);
+
+    EXPECT_TRUE(result.smoothed);
+    EXPECT_NEAR(sampled_volume(*result.domain), result.facts.volume, 0.02 * 4.2);
+    EXPECT_GT(result.domain->closest({1.1, 0.9, 0.7}).normal.dot(Vec3(1.1, 0.9, 0.7).normalized()),
+              0.95);
+}
+
+TEST(PrepareSurface, LeavesThePlainSidesOfAnEvenlyMeshedCube) {
+    const auto cube = [](const Vec3& x) { return x.cwiseAbs().maxCoeff() < 1.0; };
+    const auto mesh =
+        testing::voxel_surface(cube, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
+
+    EXPECT_FALSE(prepare(mesh, 0.04).smoothed);
+}
+
 TEST(PrepareSurface, LeavesStairsWhenSmoothingIsOff) {
     const auto ball = [](const Vec3& x) { return x.norm() < 1.0; };
     const auto mesh =
