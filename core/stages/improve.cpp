@@ -144,17 +144,14 @@ public:
     }
 
     [[nodiscard]] const improve::Part& part() const { return part_; }
-    [[nodiscard]] std::int64_t flips() const { return flips_; }
-    [[nodiscard]] std::int64_t collapses() const { return collapses_; }
-    [[nodiscard]] std::int64_t splits() const { return splits_; }
+    [[nodiscard]] std::int64_t flips() const { return flips_; }  ///< Before the worst elements.
+    [[nodiscard]] const improve::WorstFirstResult& done() const { return done_; }
 
 private:
     void raise_worst_elements(int steps) {
         improve::WorstFirst worst(part_.mesh, shape_, plan_.goal, plan_.thorough_goal);
         const auto count = [&](const improve::WorstFirstResult& done) {
-            flips_ += done.flips;
-            collapses_ += done.collapses;
-            splits_ += done.splits;
+            done_.add(done);
             return done.changes();
         };
         for (int pass = 0; pass < plan_.worst_first_passes; ++pass) {
@@ -194,37 +191,50 @@ private:
     improve::Part part_;
     QualityCounts untouched_;
     std::int64_t flips_ = 0;
-    std::int64_t collapses_ = 0;
-    std::int64_t splits_ = 0;
+    improve::WorstFirstResult done_{};
 };
 
-// What had been frozen is improved at last, one operation at a time, where it crosses nothing.
-improve::Assembled thawed(improve::Assembled all, const std::vector<std::uint8_t>& frozen,
-                          const improve::Shape& shape, const Plan& plan, RunContext& run) {
-    constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
-    std::vector<std::uint8_t> wanted(all.mesh.vertices.size(), 0);
-    for (const Tet& tet : all.mesh.tets) {
-        const bool is_cold = std::any_of(tet.begin(), tet.end(), [&](Index v) {
-            return at(v) < frozen.size() && frozen[at(v)] != 0;
-        });
-        for (std::size_t k = 0; k < 4 && is_cold; ++k) {
-            wanted[at(tet[k])] = 1;
+// What is marked, and all other vertices of the tets that have a marked one.
+std::vector<std::uint8_t> with_ring(const std::vector<std::uint8_t>& marked,
+                                    const std::vector<Tet>& tets) {
+    auto grown = marked;
+    for (const auto& tet : tets) {
+        if (std::any_of(tet.begin(), tet.end(), [&](Index v) { return marked[at(v)] != 0; })) {
+            for (const Index v : tet) {
+                grown[at(v)] = 1;
+            }
         }
     }
+    return grown;
+}
+
+// What had been frozen is improved at last, one operation at a time, where it crosses nothing.
+// Returns what was done.
+improve::WorstFirstResult thaw(improve::Assembled& all, std::vector<std::uint8_t> frozen,
+                               const improve::Shape& shape, const Plan& plan, RunContext& run) {
+    constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
+    frozen.resize(all.mesh.vertices.size(), 0);
     const improve::Whole whole{all.mesh, all.kind, all.anchor};
-    auto part = improve::cut_part(whole, improve::around(whole, wanted));
+    auto part = improve::cut_part(whole, improve::around(whole, with_ring(frozen, all.mesh.tets)));
+    improve::WorstFirstResult done;
     if (part.mesh.slot_count() > kMostTets) {
-        return all;
+        return done;
     }
     const improve::BoundaryGuard guard(whole, part);
     improve::WorstFirst worst(part.mesh, shape, plan.goal, plan.thorough_goal, &guard);
     for (int pass = 0; pass < plan.worst_first_passes; ++pass) {
-        if (worst.thorough_pass(run).changes() == 0) {
+        const auto more = worst.thorough_pass(run);
+        done.add(more);
+        if (more.changes() == 0) {
             break;
         }
     }
-    auto result = improve::put_back(whole, part);
-    return check_tets(result.mesh, run).any() ? all : result;
+    auto thawed = improve::put_back(whole, part);
+    if (check_tets(thawed.mesh, run).any()) {
+        return {};
+    }
+    all = std::move(thawed);
+    return done;
 }
 
 // Freezes faulty vertices and `rings` rings of tets around them. Inserted vertices can't be frozen,
@@ -235,20 +245,8 @@ void freeze(std::vector<std::uint8_t>& frozen, const Faults& faults, const TetMe
     for (const Index v : faults.fault_vertices) {
         hit[at(v)] = 1;
     }
-    const auto grow = [&](const std::vector<Tet>& tets) {
-        auto grown = hit;
-        for (const auto& tet : tets) {
-            if (std::any_of(tet.begin(), tet.end(), [&](Index v) { return hit[at(v)] != 0; })) {
-                for (const Index v : tet) {
-                    grown[at(v)] = 1;
-                }
-            }
-        }
-        hit = std::move(grown);
-    };
     for (int ring = 0; ring < rings; ++ring) {
-        grow(broken.tets);
-        grow(carved.tets);
+        hit = with_ring(with_ring(hit, broken.tets), carved.tets);
     }
     for (std::size_t v = 0; v < frozen.size(); ++v) {
         frozen[v] = frozen[v] || hit[v];
@@ -341,13 +339,14 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
         auto all = improve::put_back(whole, round.part());
         const Faults faults = check_tets(all.mesh, run);
         if (!faults.any()) {
+            auto done = round.done();
             if (attempt > 1) {
-                all = thawed(std::move(all), frozen, shape, plan_for(options), run);
+                done.add(thaw(all, frozen, shape, plan_for(options), run));
             }
             auto result = compacted(std::move(all));
-            result.flips = round.flips();
-            result.collapses = round.collapses();
-            result.splits = round.splits();
+            result.flips = round.flips() + done.flips;
+            result.collapses = done.collapses;
+            result.splits = done.splits;
             result.rounds = attempt;
             result.frozen_vertices = std::count(frozen.begin(), frozen.end(), std::uint8_t{1});
             return result;

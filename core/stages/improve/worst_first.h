@@ -16,6 +16,12 @@ struct WorstFirstResult {
     std::int64_t collapses = 0;
     std::int64_t splits = 0;
     std::int64_t moves = 0;
+    void add(const WorstFirstResult& more) {
+        flips += more.flips;
+        collapses += more.collapses;
+        splits += more.splits;
+        moves += more.moves;
+    }
     [[nodiscard]] std::int64_t changes() const { return flips + collapses + splits + moves; }
 };
 
