@@ -221,11 +221,7 @@ TEST_F(HttpTest, ShowsPagesOfUsersInASandbox) {
 
 TEST_F(HttpTest, EndsItsStreamsWhenItEnds) {
     Gate gate;
-    const ScriptedEngine waiting([&](const JobRequest& request, std::string_view input,
-                                     RunContext& run, OutputSink& outputs) {
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    });
+    const ScriptedEngine waiting(behind(gate));
     start(waiting);
     const std::string name = create("a surface").at("name");
     std::atomic<bool> is_open = false;

@@ -65,11 +65,7 @@ TEST(Metrics, CountFailuresByReason) {
 
 TEST(Metrics, TellTheAgeOfTheQueue) {
     Gate gate;
-    const ScriptedEngine engine([&](const JobRequest& request, std::string_view input,
-                                    RunContext& run, OutputSink& outputs) {
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    });
+    const ScriptedEngine engine(behind(gate));
     TestServer server(engine);
     server.wait_for(server.create("runs").name(), v1::Job::STATE_RUNNING);
     const std::string waiting = server.create("waits").name();
@@ -85,11 +81,7 @@ TEST(Metrics, TellTheAgeOfTheQueue) {
 
 TEST(Metrics, CountAttemptsThatAStoppingServerGaveBack) {
     Gate gate;
-    const ScriptedEngine engine([&](const JobRequest& request, std::string_view input,
-                                    RunContext& run, OutputSink& outputs) {
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    });
+    const ScriptedEngine engine(behind(gate));
     TestServer server(engine);
     const std::string name = server.create("one").name();
     server.wait_for(name, v1::Job::STATE_RUNNING);

@@ -8,20 +8,13 @@
 namespace remesh {
 namespace {
 
+using testing::behind;
 using testing::CallContext;
 using testing::Gate;
 using testing::ScriptedEngine;
 using testing::TestServer;
 
 const ScriptedEngine kCopy;
-
-ScriptedEngine::Script behind(Gate& gate) {
-    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
-                   OutputSink& outputs) {
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    };
-}
 
 class QueueWatch {
 public:

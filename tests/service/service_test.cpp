@@ -22,7 +22,7 @@ using testing::TestServer;
 
 const ScriptedEngine kCopy;
 
-ScriptedEngine::Script behind(Gate& gate) {
+ScriptedEngine::Script relaxing_until(Gate& gate) {
     return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
                    OutputSink& outputs) {
         run.enter(Stage::Relax);
@@ -63,7 +63,7 @@ TEST(Service, RunsAJobFromUploadToDownload) {
 
 TEST(Service, WatchesFromTheSequenceThatAClientSawLast) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine);
     const std::string name = server.create("mesh").name();
 
@@ -103,7 +103,7 @@ TEST(Service, TellsTheEndAgainToAClientThatHadSeenIt) {
 
 TEST(Service, CancelsARunningJobAndEndsItsWatch) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine);
     const std::string name = server.create("mesh").name();
     server.wait_for(name, v1::Job::STATE_RUNNING);
@@ -287,7 +287,7 @@ TEST(Service, CreatesOneJobForARepeatedRequestId) {
 
 TEST(Service, SaysWhenTheQueueIsFull) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine,
                       [](ServerOptions& options) { options.registry.limits.max_queued = 1; });
     server.wait_for(server.create("runs").name(), v1::Job::STATE_RUNNING);
@@ -379,7 +379,7 @@ TEST(Service, ListsJobsInPages) {
 
 TEST(Service, DeletesTerminalJobsAlone) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine);
     const std::string name = server.create("mesh").name();
     server.wait_for(name, v1::Job::STATE_RUNNING);
@@ -461,7 +461,7 @@ TEST(Service, MovesArtifactsInChunksAndRanges) {
 
 TEST(Service, KeepsTheLifeOfAWatchGoingByHeartbeats) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine, [](ServerOptions& options) {
         options.watches.heartbeat = std::chrono::milliseconds(20);
     });
@@ -477,7 +477,7 @@ TEST(Service, KeepsTheLifeOfAWatchGoingByHeartbeats) {
 
 TEST(Service, EndsWatchesRetryablyWhenItShutsDown) {
     Gate gate;
-    const ScriptedEngine engine(behind(gate));
+    const ScriptedEngine engine(relaxing_until(gate));
     TestServer server(engine);
     const std::string name = server.create("mesh").name();
     std::jthread stopper;

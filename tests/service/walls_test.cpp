@@ -275,11 +275,7 @@ TEST(Tokens, LetInNobodyOnceRevoked) {
 
 TEST(Tokens, EndTheWatchesOfThoseThatAreRevoked) {
     testing::Gate gate;
-    const ScriptedEngine engine([&gate](const JobRequest& request, std::string_view input,
-                                        RunContext& run, OutputSink& outputs) {
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    });
+    const ScriptedEngine engine(testing::behind(gate));
     TestServer server(engine, [](ServerOptions& options) {
         options.requires_credentials = true;
         options.watches.heartbeat = std::chrono::milliseconds(20);

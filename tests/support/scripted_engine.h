@@ -79,4 +79,13 @@ private:
     Script script_;
 };
 
+/// Copies the input once a gate lets it.
+inline ScriptedEngine::Script behind(Gate& gate) {
+    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
+                   OutputSink& outputs) {
+        gate.pass(run);
+        return ScriptedEngine::copy_input(request, input, run, outputs);
+    };
+}
+
 }  // namespace remesh::testing

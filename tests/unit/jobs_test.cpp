@@ -14,6 +14,7 @@
 namespace remesh {
 namespace {
 
+using testing::behind;
 using ::testing::ElementsAre;
 using testing::Gate;
 using testing::JobMachine;
@@ -28,16 +29,6 @@ JobErrorCode code_of(const std::function<void()>& call) {
         return error.code();
     }
     throw std::logic_error("no JobError came");
-}
-
-/// An engine that stays in each run until the gate opens.
-ScriptedEngine::Script behind(Gate& gate) {
-    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
-                   OutputSink& outputs) {
-        run.enter(Stage::Relax);
-        gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
-    };
 }
 
 TEST(JobMachine, RunsAJobAndShowsItsOutputs) {
