@@ -21,9 +21,17 @@ public:
         changed_.notify_all();
     }
 
+    /// Returns once a run stands before it.
+    void wait_for_a_run() {
+        std::unique_lock lock(mutex_);
+        changed_.wait(lock, [this] { return is_reached_; });
+    }
+
     /// \throws Error{Cancelled} if the run is stopped meanwhile
     void pass(const RunContext& run) {
         std::unique_lock lock(mutex_);
+        is_reached_ = true;
+        changed_.notify_all();
         while (
             !changed_.wait_for(lock, std::chrono::milliseconds(2), [this] { return is_open_; })) {
             run.checkpoint();
@@ -34,6 +42,7 @@ private:
     std::mutex mutex_;
     std::condition_variable changed_;
     bool is_open_ = false;
+    bool is_reached_ = false;
 };
 
 /// Writes one output with what came in. A test may give it other things to do.

@@ -122,7 +122,7 @@ TEST(JobMachine, GoesOnFromTheCheckpointThatAShutdownLeft) {
     JobMachine machine(keeping("halfway", gate));
     const JobKey key = machine.submit("mesh");
     machine.start_workers(1);
-    machine.wait_for(key, JobState::Running);
+    gate.wait_for_a_run();
     machine.stop();
 
     gate.open();
