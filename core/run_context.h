@@ -47,7 +47,7 @@ struct Progress {
     double run_fraction = 0.0;    ///< Of the whole run, in [0, 1]; never goes back.
 };
 
-/// Quality of the mesh so far, as part of a convergence sample.
+/// Quality of the mesh so far, as part of a convergence sample; of many tets, estimated.
 struct QualitySample {
     double mean = 0.0;  ///< Mean radius ratio (tets, or triangles before there are tets).
     double first_percentile = 0.0;  ///< 1 % quantile of the radius ratio.

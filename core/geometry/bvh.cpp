@@ -5,6 +5,11 @@
 #include <limits>
 
 namespace remesh {
+namespace {
+
+constexpr int kLeafSize = 2;  // Four take a fifth longer to search.
+
+}  // namespace
 
 Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
     const Vec3 ab = b - a;
@@ -46,7 +51,7 @@ Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3
 }
 
 Bvh::Bvh(const Points& vertices, const std::vector<Triangle>& triangles)
-    : tree_(build_wide_tree(vertices, triangles)) {
+    : tree_(build_wide_tree(vertices, triangles, kLeafSize)) {
     corners_.resize(triangles.size());
     slot_of_.resize(triangles.size());
     for (std::size_t slot = 0; slot < corners_.size(); ++slot) {

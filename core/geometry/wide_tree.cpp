@@ -45,7 +45,8 @@ struct Range {
 
 class Builder {
 public:
-    Builder(WideTree& tree, std::vector<Item> items) : tree_(tree), items_(std::move(items)) {}
+    Builder(WideTree& tree, std::vector<Item> items, std::int32_t leaf_size)
+        : tree_(tree), items_(std::move(items)), leaf_size_(leaf_size) {}
 
     void build() {
         const auto n = static_cast<std::int32_t>(items_.size());
@@ -58,7 +59,7 @@ public:
 
 private:
     std::int32_t add(Range range, int depth) {
-        if (range.size() > WideTree::kLeafSize) {
+        if (range.size() > leaf_size_) {
             return add_node(range, depth);
         }
         const auto leaf = static_cast<std::int32_t>(tree_.leaf_begin.size());
@@ -72,12 +73,12 @@ private:
     std::int32_t add_node(Range range, int depth) {
         std::array<Range, 4> parts{};
         std::size_t count = 0;
-        if (range.size() <= WideTree::kLeafSize) {
+        if (range.size() <= leaf_size_) {
             parts[count++] = range;
         } else {
             const std::int32_t middle = split(range, depth);
             for (const Range half : {Range{range.begin, middle}, Range{middle, range.end}}) {
-                if (half.size() <= WideTree::kLeafSize) {
+                if (half.size() <= leaf_size_) {
                     parts[count++] = half;
                 } else {
                     const std::int32_t quarter = split(half, depth + 1);
@@ -127,8 +128,8 @@ private:
     }
 
     std::int32_t split_at_median(Range range, Eigen::Index axis) {
-        const std::int32_t leaves = (range.size() + WideTree::kLeafSize - 1) / WideTree::kLeafSize;
-        const std::int32_t middle = range.begin + (leaves / 2) * WideTree::kLeafSize;
+        const std::int32_t leaves = (range.size() + leaf_size_ - 1) / leaf_size_;
+        const std::int32_t middle = range.begin + (leaves / 2) * leaf_size_;
         const auto first = items_.begin();
         std::nth_element(first + range.begin, first + middle, first + range.end,
                          [axis](const Item& a, const Item& b) {
@@ -189,11 +190,13 @@ private:
 
     WideTree& tree_;
     std::vector<Item> items_;
+    std::int32_t leaf_size_;
 };
 
 }  // namespace
 
-WideTree build_wide_tree(const Points& vertices, const std::vector<Triangle>& triangles) {
+WideTree build_wide_tree(const Points& vertices, const std::vector<Triangle>& triangles,
+                         int leaf_size) {
     WideTree tree;
     if (triangles.empty()) {
         tree.leaf_begin.push_back(0);
@@ -218,7 +221,7 @@ WideTree build_wide_tree(const Points& vertices, const std::vector<Triangle>& tr
         items[i].box.low -= kPad;
         items[i].box.high += kPad;
     }
-    Builder(tree, std::move(items)).build();
+    Builder(tree, std::move(items), leaf_size).build();
     return tree;
 }
 

@@ -14,13 +14,12 @@ namespace remesh {
 /// Four floats that are computed on at once.
 using Lanes = Eigen::Array4f;
 
-/// A tree over triangles with up to four children a node and up to four triangles a leaf.
+/// A tree over triangles with up to four children a node and some triangles a leaf.
 ///
 /// Boxes are floats relative to the middle of the model, scaled to about [-1, 1] and padded by more
 /// than their rounding, so four of them are tested at once. What is exact is left to the leaves.
 struct WideTree {
     static constexpr std::int32_t kEmpty = std::numeric_limits<std::int32_t>::max();
-    static constexpr int kLeafSize = 4;
     static constexpr std::size_t kMaxStack = 192;  ///< Entries a depth-first walk may need.
 
     struct Node {
@@ -43,7 +42,8 @@ struct WideTree {
 /// Builds the tree: surface area heuristic over 16 bins, medians for small sets. O(n log n).
 ///
 /// \param triangles  over finite `vertices`, indices in range
+/// \param leaf_size  most triangles of a leaf, >= 1
 [[nodiscard]] WideTree build_wide_tree(const Points& vertices,
-                                       const std::vector<Triangle>& triangles);
+                                       const std::vector<Triangle>& triangles, int leaf_size = 4);
 
 }  // namespace remesh

@@ -125,6 +125,7 @@ public:
 private:
     static constexpr double kSkin = 0.35;     // Of neighbour lists, over h.
     static constexpr double kMaxStep = 0.15;  // Of one iteration, over h.
+    static constexpr int kCalm = 10;          // Iterations after which steps get shorter.
     static constexpr std::size_t kMaxPictured = 20'000;
 
     static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
@@ -152,7 +153,7 @@ private:
             state.is_over = state.converged = true;
             return;
         }
-        step();
+        step(state.iterations);
         ++state.iterations;
         send_sample(state.residual, run);
         if (run.state() != nullptr && run.state()->is_due()) {
@@ -291,7 +292,10 @@ private:
         return std::sqrt(sum / static_cast<double>(moving_.size()));
     }
 
-    void step() {
+    // What could move for ever, where a body is too thin for its particles, comes to rest, since no
+    // step is longer than `cap_`, which falls as 1 / iterations.
+    void step(int iterations) {
+        cap_ = kMaxStep * std::min(1.0, static_cast<double>(kCalm) / (iterations + 1));
         switch (options_.integrator) {
             case Integrator::DampedDynamics: {
                 // Semi-implicit in the damping, so that any damping is stable.
@@ -345,7 +349,7 @@ private:
             velocity_[k] = velocity(k);
             Vec3 step = time_step * velocity_[k];
             const double length = step.norm();
-            const double limit = std::min(kMaxStep * particles_.h[row(k)], bond_.max_step(k));
+            const double limit = std::min(cap_ * particles_.h[row(k)], bond_.max_step(k));
             if (length > limit) {
                 step *= limit / length;
                 velocity_[k] = step / time_step;
@@ -404,6 +408,7 @@ private:
     Points listed_{};  // Positions when the lists were made.
     Fire fire_{};
     double time_ = 0.0;
+    double cap_ = kMaxStep;  // Of the present step, over h.
     std::size_t first_sample_ = 0;  // Of this relaxation, among the run's.
 };
 

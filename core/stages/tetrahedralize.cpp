@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/stages/delaunay_slabs.h"
 
 namespace remesh {
 namespace {
@@ -97,7 +98,8 @@ TetComplex tetrahedralize(const Points& points, RunContext& run) {
                                                    " of the Delaunay triangulation isn't finite");
         }
     }
-    TetComplex raw = delaunay_cells(points);
+    const std::size_t slabs = worthwhile_slabs(points.size());
+    TetComplex raw = slabs > 1 ? delaunay_in_slabs(points, slabs, run) : delaunay_cells(points);
     if (raw.tets.empty()) {
         throw Error(ErrorCode::Unmeshable,
                     "the " + std::to_string(points.size()) + " points span no volume");

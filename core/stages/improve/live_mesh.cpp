@@ -9,7 +9,7 @@ Index LiveMesh::add_vertex(const Vec3& point, ParticleKind kind, Index anchor, b
     kinds_.push_back(kind);
     anchors_.push_back(anchor);
     locked_.push_back(locked);
-    changed_.push_back(1);
+    changed_.push_back(kChanged);
     blocks_.emplace_back();
     return index(points_.size() - 1);
 }
@@ -58,7 +58,7 @@ void LiveMesh::attach(Index v, Index t) {
         block.capacity = capacity;
     }
     pool_[block.offset + block.count++] = t;
-    changed_[at(v)] = 1;
+    changed_[at(v)] = kChanged;
 }
 
 void LiveMesh::detach(Index v, Index t) {
@@ -66,7 +66,7 @@ void LiveMesh::detach(Index v, Index t) {
     Index* const list = pool_.data() + block.offset;
     *std::find(list, list + block.count, t) = list[block.count - 1];
     --block.count;
-    changed_[at(v)] = 1;
+    changed_[at(v)] = kChanged;
 }
 
 void LiveMesh::fill_slot(Index t, const Tet& tet) {
@@ -146,7 +146,7 @@ void LiveMesh::record_place(Index v) {
                             .anchor = anchors_[at(v)],
                             .kind = kinds_[at(v)]});
     }
-    changed_[at(v)] = 1;
+    changed_[at(v)] = kChanged;
 }
 
 void LiveMesh::move_recorded(Index v, const Vec3& point, Index anchor) {

@@ -39,6 +39,9 @@ struct LinkEdge {
 /// `move` on vertices that share no tet.
 class LiveMesh {
 public:
+    /// Who wants to know what has changed.
+    enum class Use : std::uint8_t { Smoothing = 1, Search = 2 };
+
     [[nodiscard]] std::size_t vertex_count() const { return points_.size(); }
     [[nodiscard]] std::size_t slot_count() const { return tets_.size(); }
     [[nodiscard]] bool is_alive(Index t) const { return tets_[at(t)][0] != kNone; }
@@ -54,9 +57,15 @@ public:
         const auto& block = blocks_[at(v)];
         return {pool_.data() + block.offset, block.count};
     }
-    /// Whether a vertex moved or lost or won tets since the flag was cleared.
-    [[nodiscard]] bool has_changed(Index v) const { return changed_[at(v)]; }
-    void set_changed(Index v, bool changed) { changed_[at(v)] = changed; }
+    /// Whether a vertex moved or lost or won tets since its flag for some use was cleared.
+    [[nodiscard]] bool has_changed(Index v, Use use = Use::Smoothing) const {
+        return (changed_[at(v)] & static_cast<std::uint8_t>(use)) != 0;
+    }
+    void set_changed(Index v, bool changed, Use use = Use::Smoothing) {
+        const auto bit = static_cast<std::uint8_t>(use);
+        auto& flags = changed_[at(v)];
+        flags = static_cast<std::uint8_t>(changed ? flags | bit : flags & ~bit);
+    }
 
     Index add_vertex(const Vec3& point, ParticleKind kind, Index anchor, bool locked);
     Index add(const Tet& tet);
@@ -73,7 +82,7 @@ public:
     void begin();
     void commit();
     void roll_back();
-    /// As `move`, but can be rolled back, and sets the changed flag.
+    /// As `move`, but can be rolled back, and sets the changed flags.
     void move_recorded(Index v, const Vec3& point, Index anchor);
     /// Frees a surface vertex that has come to lie inside.
     void bury(Index v);
@@ -99,6 +108,7 @@ private:
         std::uint16_t count = 0;
         std::uint16_t capacity = 0;
     };
+    static constexpr std::uint8_t kChanged = 0xFF;  // For every use.
     enum class Change : std::uint8_t { Added, Removed, Moved };
     struct Record {
         Change change = Change::Added;

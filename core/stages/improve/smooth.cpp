@@ -11,7 +11,8 @@ namespace remesh::improve {
 namespace {
 
 constexpr double kMaxStep = 0.3;     // Of the mean edge at the vertex.
-constexpr double kStillMove = 1e-2;  // Shorter moves don't wake the neighbours.
+constexpr double kLeastMove = 3e-3;  // Shorter ones aren't worth a try.
+constexpr double kStillMove = 2e-2;  // Shorter moves don't wake the neighbours.
 constexpr double kLift = 1e-2;       // Of volumes in stars that have a flat tet.
 constexpr std::size_t kBlock = 256;
 
@@ -88,7 +89,7 @@ double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, double floor, 
     const Vec3 axis = bound_axis(mesh, shape, v, star);
     Vec3 step = descent(model, mesh.kind(v), axis);
     const double length = step.norm();
-    if (!(length > 1e-4 * edge)) {
+    if (!(length > kLeastMove * edge)) {
         return 0.0;
     }
     if (length > kMaxStep * edge) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "core/stages/improve/bad_tets.h"
 #include "core/stages/improve/boundary_guard.h"
 #include "core/stages/improve/collapse.h"
 #include "core/stages/improve/flips.h"
@@ -18,60 +19,6 @@ constexpr std::size_t kBlock = 64;
 
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
     {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
-
-// Worst dihedral sine, but no more than twice the radius ratio: needles have fair dihedrals.
-double tet_score(const LiveMesh& mesh, const Tet& t) {
-    const Vec3& a = mesh.point(t[0]);
-    const Vec3& b = mesh.point(t[1]);
-    const Vec3& c = mesh.point(t[2]);
-    const Vec3& d = mesh.point(t[3]);
-    return std::min(dihedral_sine(a, b, c, d), 2.0 * tet_radius_ratio(a, b, c, d));
-}
-
-// Of a tet and its boundary triangles, as far as below `limit`.
-double score(const LiveMesh& mesh, Index t, double limit) {
-    const auto& tet = mesh.tet(t);
-    double worst = tet_score(mesh, tet);
-    for (std::size_t corner = 0; corner < 4; ++corner) {
-        const Index a = tet[kFaces[corner][0]];
-        const Index b = tet[kFaces[corner][1]];
-        const Index c = tet[kFaces[corner][2]];
-        if (!mesh.on_boundary(a) || !mesh.on_boundary(b) || !mesh.on_boundary(c)) {
-            continue;  // Faster than to ask for the sine.
-        }
-        const double sine =
-            kTriangleScale * angle_sine(mesh.point(a), mesh.point(b), mesh.point(c));
-        if (sine < std::min(worst, limit) && mesh.is_boundary_face(t, corner)) {
-            worst = sine;
-        }
-    }
-    return worst;
-}
-
-struct Bad {
-    double score;
-    Index tet;
-};
-
-void sort_worst_first(std::vector<Bad>& bad) {
-    std::sort(bad.begin(), bad.end(), [](const Bad& a, const Bad& b) {
-        return a.score != b.score ? a.score < b.score : a.tet < b.tet;
-    });
-}
-
-std::vector<Bad> bad_tets(const LiveMesh& mesh, double goal) {
-    std::vector<Bad> bad;
-    for (std::size_t i = 0; i < mesh.slot_count(); ++i) {
-        if (mesh.is_alive(index(i))) {
-            const double worst = score(mesh, index(i), goal);
-            if (worst < goal) {
-                bad.push_back({worst, index(i)});
-            }
-        }
-    }
-    sort_worst_first(bad);
-    return bad;
-}
 
 // Operations on one bad tet.
 class Visit {
@@ -306,7 +253,7 @@ private:
 WorstFirstResult WorstFirst::simple_pass(const RunContext& run) {
     WorstFirstResult result;
     Visit visit(mesh_, shape_, guard_, goal_, limit_, result);
-    const auto bad = bad_tets(mesh_, goal_);
+    const auto bad = bad_.find(mesh_, goal_, run);
     for (std::size_t i = 0; i < bad.size(); ++i) {
         if (i % kBlock == 0) {
             run.checkpoint();
@@ -331,7 +278,7 @@ WorstFirstResult WorstFirst::thorough_pass(const RunContext& run) {
     };
     // Where much is bad, what can be raised is found in time; the rest isn't worth hours.
     const auto budget = static_cast<std::int64_t>(500 + mesh_.slot_count() / 100);
-    for (const auto& bad : bad_tets(mesh_, limit_)) {
+    for (const auto& bad : bad_.find(mesh_, limit_, run)) {
         run.checkpoint();
         if (visit.attempts() > budget) {
             break;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/run_context.h"
+#include "core/stages/improve/bad_tets.h"
 #include "core/stages/improve/live_mesh.h"
 #include "core/stages/improve/smooth.h"
 
@@ -37,7 +38,7 @@ public:
     /// \param guard  if given, asked before a thorough pass keeps anything
     WorstFirst(LiveMesh& mesh, const Shape& shape, double goal, double limit,
                const BoundaryGuard* guard = nullptr)
-        : mesh_(mesh), shape_(shape), goal_(goal), limit_(limit), guard_(guard) {}
+        : mesh_(mesh), shape_(shape), goal_(goal), limit_(limit), guard_(guard), bad_(goal) {}
 
     /// One visit to each bad tet: flips, smoothing, collapses, until one helps.
     WorstFirstResult simple_pass(const RunContext& run);
@@ -53,6 +54,7 @@ private:
     double goal_;
     double limit_;
     const BoundaryGuard* guard_;
+    BadTets bad_;
     std::vector<std::int32_t> changed_in_{};  // Per vertex: the last pass that changed its star.
     std::int32_t pass_ = 0;
 };
