@@ -190,13 +190,13 @@ Filling fill(const Domain& domain, const FeatureSet& features, const SizingField
     particles = relax_volume(particles, domain, sizing, options.relax, run).particles;
 
     clock.enter(Stage::Tetrahedralize);
-    auto delaunay = tetrahedralize(particles.position, run);
+    auto delaunay = tetrahedralize(particles.position, run, particles.lattice);
     for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
         clock.enter(Stage::Relax);
         auto populated = control_population(particles, delaunay, domain, sizing, run);
         particles = relax_volume(populated.particles, domain, sizing, options.relax, run).particles;
         clock.enter(Stage::Tetrahedralize);
-        delaunay = tetrahedralize(particles.position, run);
+        delaunay = tetrahedralize(particles.position, run, particles.lattice);
     }
     return {std::move(particles), std::move(delaunay)};
 }

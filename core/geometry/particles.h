@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/geometry/lattice.h"
 #include "core/mesh/mesh.h"
 
 namespace remesh {
@@ -15,7 +16,7 @@ enum class ParticleKind : std::uint8_t {
     Corner = 3,   ///< Fixed.
 };
 
-/// Sample points while they relax: a structure of arrays, all of the same length #P.
+/// Sample points while they relax: a structure of arrays of the same length #P.
 struct Particles {
     Points position{};  ///< Model units.
     std::vector<ParticleKind> kind{};
@@ -23,6 +24,7 @@ struct Particles {
         anchor{};  ///< Surface: facet of the domain's boundary. Curve: the curve. Else kNone.
     std::vector<double> h{};  ///< Wanted spacing at the particle, model units.
     Points normal{};          ///< Surface: outward normal. Curve: tangent. Else zero.
+    Lattice lattice{};        ///< Of which volume particles were sites, before they relaxed.
 
     [[nodiscard]] std::size_t size() const { return position.size(); }
     void add(const Vec3& x, ParticleKind k, Index where, double spacing, const Vec3& n) {

@@ -152,6 +152,7 @@ PopulationResult control_population(const Particles& particles, const TetComplex
     });
 
     PopulationResult result;
+    result.particles.lattice = particles.lattice;
     for (std::size_t i = 0; i < particles.size(); ++i) {
         if (goes[i] == 0) {
             result.particles.add(particles.position[i], particles.kind[i], particles.anchor[i],

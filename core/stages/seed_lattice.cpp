@@ -12,15 +12,6 @@
 namespace remesh {
 namespace {
 
-// The A15 lattice: 8 points a cell, in units of the cell.
-const std::array<Vec3, 8> kLattice{{{0.0, 0.0, 0.0},
-                                    {0.5, 0.5, 0.5},
-                                    {0.25, 0.5, 0.0},
-                                    {0.75, 0.5, 0.0},
-                                    {0.0, 0.25, 0.5},
-                                    {0.0, 0.75, 0.5},
-                                    {0.5, 0.0, 0.25},
-                                    {0.5, 0.0, 0.75}}};
 constexpr double kCellOverSpacing = 1.833;  // At which A15 is as dense as BCC of that spacing.
 constexpr double kHalfDiagonal = 0.8660254037844386;
 
@@ -94,7 +85,7 @@ double LatticeFill::radius(const Block& block) const {
 }
 
 Vec3 LatticeFill::site(const std::array<std::int32_t, 3>& cell, std::size_t k) const {
-    return origin_ + cell_ * (Vec3(cell[0], cell[1], cell[2]) + kLattice[k]);
+    return origin_ + cell_ * (Vec3(cell[0], cell[1], cell[2]) + kA15Sites[k]);
 }
 
 // A regular lattice has many nearly cospherical points, for which Delaunay needs exact arithmetic;

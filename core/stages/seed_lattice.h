@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/geometry/domain.h"
+#include "core/geometry/lattice.h"
 #include "core/geometry/particles.h"
 #include "core/geometry/sizing_field.h"
 #include "core/run_context.h"
@@ -44,6 +45,8 @@ public:
             visit(block, block.cell, block.size, first, found);
         }
     }
+
+    [[nodiscard]] Lattice lattice() const { return {origin_, cell_}; }
 
     /// A point whose distance from the boundary and side of it are known.
     struct Place {

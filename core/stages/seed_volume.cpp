@@ -228,6 +228,7 @@ Particles seed_volume(const Particles& surface, const Domain& domain, const Sizi
     coarsest.classify(run);
     run.report(0.5);
     Particles particles = surface;
+    particles.lattice = coarsest.lattice();
     coarsest.visit(particles.size(), [&](const Vec3& x, double h) {
         particles.add(x, ParticleKind::Volume, kNone, h, Vec3::Zero());
     });

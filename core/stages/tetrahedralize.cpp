@@ -8,7 +8,9 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/stages/complete_cells.h"
 #include "core/stages/delaunay_slabs.h"
+#include "core/stages/lattice_cells.h"
 
 namespace remesh {
 namespace {
@@ -90,7 +92,7 @@ TetComplex canonical(TetComplex raw, std::size_t vertices, const RunContext& run
 
 }  // namespace
 
-TetComplex tetrahedralize(const Points& points, RunContext& run) {
+TetComplex tetrahedralize(const Points& points, RunContext& run, const Lattice& lattice) {
     run.checkpoint();
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (!points[i].allFinite()) {
@@ -98,8 +100,17 @@ TetComplex tetrahedralize(const Points& points, RunContext& run) {
                                                    " of the Delaunay triangulation isn't finite");
         }
     }
-    const std::size_t slabs = worthwhile_slabs(points.size());
-    TetComplex raw = slabs > 1 ? delaunay_in_slabs(points, slabs, run) : delaunay_cells(points);
+    const auto triangulate = [&](const Points& some) {
+        const std::size_t slabs = worthwhile_slabs(some.size());
+        return slabs > 1 ? delaunay_in_slabs(some, slabs, run) : delaunay_cells(some);
+    };
+    TetComplex raw;
+    if (lattice.cell > 0.0) {
+        raw = lattice_cells(points, lattice, run);
+        complete(raw, sew(raw), points, triangulate, run);
+    } else {
+        raw = triangulate(points);
+    }
     if (raw.tets.empty()) {
         throw Error(ErrorCode::Unmeshable,
                     "the " + std::to_string(points.size()) + " points span no volume");

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/exact/delaunay.h"
+#include "core/geometry/lattice.h"
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
 
@@ -11,8 +12,9 @@ namespace remesh {
 /// rotation of the other three; tets are sorted. So the same for any number of threads.
 ///
 /// A stop takes effect only after CGAL has finished (about a second per million tets).
-/// \param points  #P positions; coincident ones are left out of all tets but the first's
+/// \param points   #P positions; coincident ones are left out of all tets but the first's
+/// \param lattice  of which many are sites, if any: only saves time
 /// \throws Error{Unmeshable} if the points span no volume or one isn't finite; Error{Cancelled}
-TetComplex tetrahedralize(const Points& points, RunContext& run);
+TetComplex tetrahedralize(const Points& points, RunContext& run, const Lattice& lattice = {});
 
 }  // namespace remesh

@@ -5,37 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <random>
 #include <stop_token>
 #include <vector>
 
 #include "core/error.h"
+#include "tests/support/cell_links.h"
 
 namespace remesh::testing {
 namespace {
-
-/// Sorted vertices of each tet to those of its neighbours, in the order of the vertices opposite.
-using Links = std::map<Tet, std::array<Tet, 4>>;
-
-Links links_of(const TetComplex& complex) {
-    const auto key = [&](Index t) {
-        Tet tet = t == kNone ? Tet{kNone, kNone, kNone, kNone}
-                             : complex.tets[static_cast<std::size_t>(t)];
-        std::sort(tet.begin(), tet.end());
-        return tet;
-    };
-    Links links;
-    for (std::size_t t = 0; t < complex.tets.size(); ++t) {
-        const Tet sorted = key(static_cast<Index>(t));
-        for (std::size_t corner = 0; corner < 4; ++corner) {
-            const auto place =
-                std::find(sorted.begin(), sorted.end(), complex.tets[t][corner]) - sorted.begin();
-            links[sorted][static_cast<std::size_t>(place)] = key(complex.neighbours[t][corner]);
-        }
-    }
-    return links;
-}
 
 class Numbers {
 public:
@@ -126,7 +104,7 @@ class DelaunaySlabs : public ::testing::TestWithParam<Case> {};
 
 TEST_P(DelaunaySlabs, AreTheWholeTriangulation) {
     const Points points = GetParam().points();
-    const Links expected = links_of(delaunay_cells(points));
+    const CellLinks expected = links_of(delaunay_cells(points));
 
     for (const std::size_t slabs : {2U, 3U, 7U}) {
         const TetComplex complex = delaunay_in_slabs(points, slabs, RunContext());
