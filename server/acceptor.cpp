@@ -34,9 +34,11 @@ int new_listener(int family, const sockaddr* address, socklen_t size) {
         ::bind(listener, address, size) == 0 && ::listen(listener, kBacklog) == 0) {
         return listener;
     }
+    const int error = errno;
     if (listener >= 0) {
         ::close(listener);
     }
+    errno = error;
     return -1;
 }
 
@@ -75,7 +77,9 @@ Acceptor::Acceptor(std::string address, int max_connections)
     }
     leave_fd_ = ::eventfd(0, EFD_CLOEXEC);
     if (listeners_.empty() || leave_fd_ < 0) {
-        throw std::runtime_error("can't listen on " + address_);
+        throw std::runtime_error(
+            "can't listen on " + address_ + ": " +
+            (trouble_.empty() ? "HOST:PORT or unix:PATH is wanted" : trouble_));
     }
 }
 
@@ -94,6 +98,8 @@ void Acceptor::listen_on_path(const std::string& path) {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     if (path.empty() || path.size() >= sizeof address.sun_path) {
+        trouble_ = "a socket's path must have 1 to " + std::to_string(sizeof address.sun_path - 1) +
+                   " bytes";
         return;
     }
     std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
@@ -102,10 +108,12 @@ void Acceptor::listen_on_path(const std::string& path) {
     }
     const int listener =
         new_listener(AF_UNIX, reinterpret_cast<const sockaddr*>(&address), sizeof address);
-    if (listener >= 0) {
-        listeners_.push_back(listener);
-        port_ = 1;
+    if (listener < 0) {
+        trouble_ = std::strerror(errno);
+        return;
     }
+    listeners_.push_back(listener);
+    port_ = 1;
 }
 
 void Acceptor::listen_on_host(const std::string& host, const std::string& port) {
@@ -113,7 +121,8 @@ void Acceptor::listen_on_host(const std::string& host, const std::string& port) 
     hints.ai_socktype = SOCK_STREAM;
     hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
     addrinfo* all = nullptr;
-    if (host.empty() || ::getaddrinfo(host.c_str(), port.c_str(), &hints, &all) != 0) {
+    if (const int error = ::getaddrinfo(host.c_str(), port.c_str(), &hints, &all); error != 0) {
+        trouble_ = ::gai_strerror(error);
         return;
     }
     const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owner(all, &::freeaddrinfo);
@@ -123,10 +132,12 @@ void Acceptor::listen_on_host(const std::string& host, const std::string& port) 
             address->sin_port = htons(static_cast<std::uint16_t>(port_));
         }
         const int listener = new_listener(one->ai_family, one->ai_addr, one->ai_addrlen);
-        if (listener >= 0) {
-            listeners_.push_back(listener);
-            port_ = port_of(listener);
+        if (listener < 0) {
+            trouble_ = std::strerror(errno);
+            continue;
         }
+        listeners_.push_back(listener);
+        port_ = port_of(listener);
     }
 }
 

@@ -42,6 +42,7 @@ private:
     const std::string address_;
     const int max_connections_;
     int port_ = 0;
+    std::string trouble_{};  // why the last listener couldn't be made
     std::vector<int> listeners_;
     int leave_fd_ = -1;
     int known_sockets_ = 0;  // the thread's: at least as many as there are

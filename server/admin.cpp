@@ -208,7 +208,7 @@ void add_grant_flags(CLI::App& command, AdminFlags& flags) {
         ->capture_default_str();
     command.add_option("--note", flags.note, "For the list; never patient data");
     command.add_option("--days", flags.days, "How long it's valid; absent: until it's revoked")
-        ->check(CLI::PositiveNumber);
+        ->check(CLI::Range(1, 36'500));
 }
 
 void add_limit(CLI::App& command, const std::string& name, std::string& word,

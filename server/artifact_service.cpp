@@ -85,14 +85,12 @@ v1::Inspection ArtifactService::inspect(const std::string& tenant,
 grpc::ServerUnaryReactor* ArtifactService::InspectArtifact(
     grpc::CallbackServerContext* context, const v1::InspectArtifactRequest* request,
     v1::Inspection* reply) {
-    const InspectionQueue::Place place(inspections_);
-    return answer(room_.gate, inspections_.executor(place, room_.executor), context, kInspect,
-                  [=, this](const Principal& who, std::string& subject) {
-                      require_sha256(request->sha256(), "sha256");
-                      subject = request->sha256();
-                      place.require();
-                      *reply = inspect(who.tenant, *request);
-                  });
+    return inspections_.answer(room_.gate, room_.executor, context, kInspect,
+                               [=, this](const Principal& who, std::string& subject) {
+                                   require_sha256(request->sha256(), "sha256");
+                                   subject = request->sha256();
+                                   *reply = inspect(who.tenant, *request);
+                               });
 }
 
 }  // namespace remesh

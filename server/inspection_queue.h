@@ -1,10 +1,13 @@
 #pragma once
 
-#include <atomic>
-#include <memory>
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/server_callback.h>
 
-#include "server/convert.h"
+#include <utility>
+
+#include "server/call.h"
 #include "server/executor.h"
+#include "server/tenant_slots.h"
 
 namespace remesh {
 
@@ -12,38 +15,33 @@ namespace remesh {
 /// many wait. Not with the others, whom they would hold up.
 class InspectionQueue {
 public:
-    static constexpr int kMaxWaiting = 16;
-
-    /// A call's place, held until its last copy is gone.
-    class Place {
-    public:
-        explicit Place(InspectionQueue& queue)
-            : is_good_(queue.waiting_.fetch_add(1) < kMaxWaiting),
-              held_(nullptr, [&queue](void*) { --queue.waiting_; }) {}
-
-        /// Whether there was one to have.
-        [[nodiscard]] bool is_good() const { return is_good_; }
-        /// \throws StatusError{RESOURCE_EXHAUSTED} if there was none
-        void require() const {
-            if (!is_good_) {
-                throw StatusError(too_many_status(
-                    "inspections", "at most 16 calls that look into files may wait at a time"));
+    /// As `remesh::answer`, in its turn. Whoever may not make the call, and whose tenant has enough
+    /// of them waiting, is told so at once, on `executor`.
+    template <typename Handler>
+    grpc::ServerUnaryReactor* answer(Gate& gate, Executor& executor,
+                                     grpc::CallbackServerContext* context, const Rule& rule,
+                                     Handler handler) {
+        auto* reactor = context->DefaultReactor();
+        executor.post([this, &gate, context, rule, reactor, handler = std::move(handler)] {
+            std::shared_ptr<void> place;
+            const Rule only_admit{rule.action, rule.least, false};
+            const grpc::Status status = guarded(
+                gate, *context, only_admit,
+                [&](const Principal& who, std::string&) { place = places_.take(who.tenant); });
+            if (!status.ok()) {
+                reactor->Finish(status);
+                return;
             }
-        }
-
-    private:
-        bool is_good_;
-        std::shared_ptr<void> held_;
-    };
-
-    /// Where a call with this place runs; those without one are turned away by `other`.
-    [[nodiscard]] Executor& executor(const Place& place, Executor& other) {
-        return place.is_good() ? executor_ : other;
+            executor_.post([&gate, context, rule, reactor, handler, place] {
+                reactor->Finish(guarded(gate, *context, rule, handler));
+            });
+        });
+        return reactor;
     }
 
 private:
-    std::atomic<int> waiting_ = 0;
-    Executor executor_{1};
+    TenantSlots places_{"inspections", 16, 8};
+    Executor executor_{1};  // Its calls hold places.
 };
 
 }  // namespace remesh

@@ -1,5 +1,6 @@
 #include "server/logging.h"
 
+#include <google/protobuf/stubs/logging.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -13,6 +14,8 @@ void set_up_log(const std::string& level) {
     logger->set_level(spdlog::level::from_str(level));
     logger->flush_on(spdlog::level::info);
     spdlog::set_default_logger(std::move(logger));
+    // Of requests that aren't valid it would write a line each, before anybody knows who calls.
+    google::protobuf::SetLogHandler(nullptr);
 }
 
 }  // namespace remesh

@@ -44,6 +44,19 @@ std::int64_t available_memory() {
     return limit > 0 ? std::min(limit, machine) : machine;
 }
 
+bool is_address(const std::string& address) {
+    if (address.starts_with("unix:")) {
+        return address.size() > 5;
+    }
+    const auto colon = address.rfind(':');
+    if (colon == std::string::npos || colon == 0) {
+        return false;
+    }
+    const std::string port = address.substr(colon + 1);
+    return !port.empty() && port.size() <= 5 &&
+           port.find_first_not_of("0123456789") == std::string::npos && std::stoi(port) <= 65'535;
+}
+
 bool is_loopback(const std::string& address) {
     const std::string host = address.substr(0, address.rfind(':'));
     const bool is_number = host.find_first_not_of("0123456789.") == std::string::npos;

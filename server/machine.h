@@ -19,6 +19,9 @@ namespace remesh {
 /// What a memory.max file grants; 0 if it says "max" or can't be understood.
 [[nodiscard]] std::int64_t bytes_of_limit(const std::string& memory_max);
 
+/// Whether it is HOST:PORT, a port in [0, 65535], or unix:PATH.
+[[nodiscard]] bool is_address(const std::string& address);
+
 /// Whether HOST:PORT or unix:PATH can only be reached from this machine.
 [[nodiscard]] bool is_loopback(const std::string& address);
 

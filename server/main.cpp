@@ -31,6 +31,8 @@ namespace {
 using remesh::Server;
 using remesh::ServerOptions;
 
+// What the command line is answered with that can't be understood; as the client does.
+constexpr int kUsage = 2;
 // SIGTERM to exit; Docker's own grace is 10 s.
 constexpr std::chrono::seconds kShutdownGrace{7};
 
@@ -59,7 +61,7 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
         ->check(CLI::Range(1, 1'000'000))
         ->capture_default_str();
     serve.add_option("--max-artifact-bytes", server.max_artifact_bytes, "Largest upload")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000'000'000}))
         ->capture_default_str();
     serve
         .add_option("--tenant-max-queued", server.registry.limits.max_queued_of_tenant,
@@ -69,17 +71,17 @@ void add_serve_flags(CLI::App& serve, ServeFlags& flags) {
     serve
         .add_option("--tenant-max-bytes", server.registry.limits.max_bytes_of_tenant,
                     "Bytes that one tenant may keep, inputs and results")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000'000'000'000}))
         ->default_str("no limit");
     serve
         .add_option("--keep-jobs", flags.keep_jobs_days,
                     "Days after which finished jobs and their files are deleted")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(1, 36'500))
         ->default_str("never");
     serve
         .add_option("--keep-uploads", flags.keep_uploads_hours,
                     "Hours after which uploads that no job needs are deleted")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(1, 876'000))
         ->capture_default_str();
     serve.add_option("--port-file", flags.port_file, "Gets the chosen port once it's open");
     serve.add_option("--http-port-file", flags.http_port_file, "The same of --http");
@@ -104,13 +106,23 @@ void write_port(const std::filesystem::path& file, int port) {
     auto draft = file;
     draft += ".new";
     std::ofstream(draft) << port << '\n';
-    std::filesystem::rename(draft, file);
+    std::error_code error;
+    std::filesystem::rename(draft, file, error);
+    if (error) {
+        throw std::runtime_error("can't write " + file.string() + ": " + error.message());
+    }
 }
 
 /// Empty if there is no such file.
 std::string content_of(const std::filesystem::path& file) {
     std::ifstream stream(file, std::ios::binary);
     return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+void require_address(const std::string& name, const std::string& address) {
+    if (!remesh::is_address(address)) {
+        throw std::runtime_error(name + " must be HOST:PORT (or unix:PATH), got " + address);
+    }
 }
 
 /// What may be reached from other machines must be private and must ask who calls.
@@ -157,6 +169,10 @@ remesh::HttpServer::Sources http_sources_of(Server& server) {
 
 int serve(ServeFlags flags) {
     remesh::set_up_log(flags.work.log_level);
+    require_address("--listen", flags.server.listen);
+    if (!flags.http.empty()) {
+        require_address("--http", flags.http);
+    }
     if (!flags.allows_any_address) {
         require_safe(flags.server.listen,
                      flags.server.tls.is_on() && flags.server.requires_credentials);
@@ -237,7 +253,11 @@ int main(int argc, char** argv) {
     inspect_command->add_option("--hint", inspection_hint);
     auto* estimate_command = app.add_subcommand("estimate-stdin", "")->group("");
 
-    CLI11_PARSE(app, argc, argv);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == EXIT_SUCCESS ? EXIT_SUCCESS : kUsage;
+    }
     try {
         if (chosen) {
             return chosen();

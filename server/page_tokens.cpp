@@ -18,13 +18,14 @@ struct FreeContext {
     void operator()(EVP_CIPHER_CTX* context) const { EVP_CIPHER_CTX_free(context); }
 };
 
-/// AES of one block. Its key is used for blocks of one kind only, of which no two are alike.
+/// AES of one block. Its key (of the digits as many as fit) is used for blocks of one kind only, of
+/// which no two are alike.
 Block cipher(const std::string& key, const Block& in, bool encrypts) {
     const std::unique_ptr<EVP_CIPHER_CTX, FreeContext> context(EVP_CIPHER_CTX_new());
     Block out{};
     int size = 0;
     if (!context ||
-        EVP_CipherInit_ex(context.get(), EVP_aes_128_ecb(), nullptr,
+        EVP_CipherInit_ex(context.get(), EVP_aes_256_ecb(), nullptr,
                           reinterpret_cast<const unsigned char*>(key.data()), nullptr,
                           encrypts ? 1 : 0) != 1 ||
         EVP_CIPHER_CTX_set_padding(context.get(), 0) != 1 ||
@@ -44,14 +45,12 @@ int digit_of(char c) {
 
 }  // namespace
 
-PageTokens::PageTokens() : secret_(random_hex(32)) {}
-
 std::string PageTokens::seal(std::string_view tenant, std::int64_t number) const {
     Block block{};  // The number, and zeros that show that it was us who sealed it.
     std::memcpy(block.data(), &number, sizeof number);
     constexpr std::string_view kDigits = "0123456789abcdef";
     std::string token;
-    for (const unsigned char byte : cipher(sha256_of(secret_ + std::string(tenant)), block, true)) {
+    for (const unsigned char byte : cipher(sha256_of(key_ + std::string(tenant)), block, true)) {
         token += kDigits[byte >> 4U];
         token += kDigits[byte & 15U];
     }
@@ -72,7 +71,7 @@ std::optional<std::int64_t> PageTokens::open(std::string_view tenant,
         }
         sealed[i] = static_cast<unsigned char>(16 * high + low);
     }
-    const Block block = cipher(sha256_of(secret_ + std::string(tenant)), sealed, false);
+    const Block block = cipher(sha256_of(key_ + std::string(tenant)), sealed, false);
     std::int64_t number = 0;
     Block expected{};
     std::memcpy(&number, block.data(), sizeof number);

@@ -4,14 +4,16 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace remesh {
 
 /// Where a page of a list ends, sealed: a job's number counts the jobs of all tenants, so nobody
-/// may read it. Tokens are good for their tenant and for as long as this object lives.
+/// may read it. Tokens are good for their tenant, and wherever the key is the same.
 class PageTokens {
 public:
-    PageTokens();
+    /// \param key  a secret
+    explicit PageTokens(std::string key) : key_(std::move(key)) {}
 
     [[nodiscard]] std::string seal(std::string_view tenant, std::int64_t number) const;
     /// Nothing if the token isn't one of the tenant's.
@@ -19,7 +21,7 @@ public:
                                                    std::string_view token) const;
 
 private:
-    std::string secret_;
+    std::string key_;
 };
 
 }  // namespace remesh

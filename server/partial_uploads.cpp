@@ -3,9 +3,11 @@
 #include <sys/file.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
+#include <iterator>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -17,6 +19,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kUnkeptPrefix = ".unkept-";
 constexpr std::size_t kReadBytes = std::size_t{1} << 20U;
+// Of the disk, or a twentieth of it: for the database and the results of what runs.
+constexpr std::uintmax_t kDiskReserve = std::uintmax_t{256} << 20U;
 
 [[noreturn]] void fail(const char* what) {
     const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
@@ -94,6 +98,7 @@ void PartialUpload::write(std::string_view bytes) {
     while (!bytes.empty()) {
         const ssize_t written = ::write(file_, bytes.data(), bytes.size());
         if (written < 0 && errno != EINTR) {
+            is_kept_ = false;  // On a full disk it would be in everybody's way.
             fail("can't write an upload");
         }
         size_ += written < 0 ? 0 : written;
@@ -103,6 +108,7 @@ void PartialUpload::write(std::string_view bytes) {
 
 ArtifactId PartialUpload::finish() {
     if (::fsync(file_) != 0) {
+        is_kept_ = false;
         fail("can't sync an upload");
     }
     return {hash_.finish(), size_};
@@ -165,6 +171,20 @@ std::int64_t PartialUploads::bytes_of(const std::string& tenant) const {
     const std::scoped_lock lock(mutex_);
     const auto found = announced_.find(tenant);
     return found == announced_.end() ? bytes : bytes + found->second;
+}
+
+void PartialUploads::require_disk(std::int64_t bytes) const {
+    const fs::space_info disk = fs::space(data_dir_);
+    const auto reserve = std::min(kDiskReserve, disk.capacity / 20);
+    if (disk.available < reserve || disk.available - reserve < static_cast<std::uintmax_t>(bytes)) {
+        throw StoreError("store: the disk has no room for an upload", StoreError::Kind::Full);
+    }
+}
+
+int PartialUploads::count(const std::string& tenant) const {
+    std::error_code error;
+    const fs::directory_iterator files(directory_of(tenant), error);
+    return error ? 0 : static_cast<int>(std::distance(begin(files), end(files)));
 }
 
 std::int64_t PartialUploads::committed(const std::string& tenant, const std::string& sha256) const {

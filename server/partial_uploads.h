@@ -64,6 +64,10 @@ public:
     /// Bytes that a tenant's uploads take: what came of those that rest, and all of those that
     /// streams are at.
     [[nodiscard]] std::int64_t bytes_of(const std::string& tenant) const;
+    /// \throws StoreError{Full} if so many bytes would leave too little of the disk to work with
+    void require_disk(std::int64_t bytes) const;
+    /// How many uploads of a tenant there are, those that rest and those that streams are at.
+    [[nodiscard]] int count(const std::string& tenant) const;
     /// Where an upload stands: 0 if none is there, or while a stream is at it.
     [[nodiscard]] std::int64_t committed(const std::string& tenant,
                                          const std::string& sha256) const;

@@ -61,6 +61,7 @@ private:
 
     // the hub's thread only, once the stream has started
     Principal who_{};
+    std::shared_ptr<void> slot_;
     bool is_open_ = false;             // `opened` was sent
     std::vector<JobView> at_first_{};  // not yet sent
     std::vector<JobKey> round_{};      // of this round, not yet sent
@@ -72,7 +73,10 @@ private:
 
 QueueHub::QueueHub(JobRegistry& registry, const WatchOptions& options,
                    WatchHub::IsStillValid is_still_valid)
-    : registry_(registry), options_(options), is_still_valid_(std::move(is_still_valid)) {
+    : registry_(registry),
+      options_(options),
+      is_still_valid_(std::move(is_still_valid)),
+      slots_("queue watches", options.max_watches, options.max_watches_of_tenant) {
     thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
 }
 
@@ -89,10 +93,7 @@ grpc::Status QueueHub::start(QueueStream& stream, const Principal& who) {
     if (is_closed_) {
         return shutting_down_status();
     }
-    if (streams_.size() >= options_.max_watches) {
-        return too_many_status("queue watches", "at most " + std::to_string(options_.max_watches) +
-                                                    " queues are watched at a time");
-    }
+    stream.slot_ = slots_.take(who.tenant);
     stream.who_ = who;
     streams_.insert(&stream);
     is_awake_ = true;
@@ -230,6 +231,7 @@ void QueueHub::feed(QueueStream& stream) {
             const std::scoped_lock lock(mutex_);
             streams_.erase(&stream);
         }
+        stream.slot_.reset();
         stream.Finish(*end);
     } else if (has_message) {
         *event.mutable_time() = to_proto(system_now());

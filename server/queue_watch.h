@@ -59,6 +59,7 @@ private:
     JobRegistry& registry_;
     const WatchOptions options_;
     const WatchHub::IsStillValid is_still_valid_;
+    TenantSlots slots_;
 
     std::mutex mutex_;
     std::condition_variable_any changed_;

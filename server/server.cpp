@@ -26,9 +26,10 @@ constexpr int kMaxIdleMs = 15 * 60'000;
 constexpr int kLookaheadBytes = 4 << 20;
 constexpr std::size_t kMaxBufferBytes = std::size_t{512} << 20U;
 
-std::unique_ptr<JobStore> open_whole_store(const std::filesystem::path& file) {
-    check_sqlite_store(file);
-    return open_sqlite_store(file);
+std::unique_ptr<JobStore> open_whole_store(const std::filesystem::path& data_dir) {
+    require_whole_database(data_dir / "access.sqlite");
+    check_sqlite_store(data_dir / "remesh.sqlite");
+    return open_sqlite_store(data_dir / "remesh.sqlite");
 }
 
 HousekeeperOptions with_uploads(HousekeeperOptions options, const PartialUploads& uploads) {
@@ -41,7 +42,7 @@ HousekeeperOptions with_uploads(HousekeeperOptions options, const PartialUploads
 Server::Server(const ServerOptions& options, const Engine& engine)
     : data_dir_(options.data_dir),
       roster_(data_dir_.path()),
-      store_(open_whole_store(data_dir_.path() / "remesh.sqlite")),
+      store_(open_whole_store(data_dir_.path())),
       artifacts_(data_dir_.path(), *store_),
       uploads_(data_dir_.path()),
       gate_(data_dir_.path(), options.requires_credentials),

@@ -1,5 +1,6 @@
 #include "server/service.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "server/artifact_service.h"
@@ -12,6 +13,8 @@ namespace {
 
 constexpr std::int32_t kDefaultPageSize = 100;
 constexpr std::int32_t kMaxPageSize = 1'000;
+// Of the jobs on a page, unless a single one has more: clients take 4 MiB a message.
+constexpr std::size_t kMaxPageBytes = std::size_t{2} << 20U;
 constexpr std::size_t kMaxRequestId = 128;
 
 // The rules of this service, a line a method.
@@ -46,7 +49,8 @@ JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifac
       watches_(watches),
       queue_watches_(queue_watches),
       executor_(executor),
-      inspections_(inspections) {}
+      inspections_(inspections),
+      page_tokens_(gate.key_for("pages")) {}
 
 v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest& request) {
     check_request_id(request.request_id());
@@ -80,12 +84,10 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
                                                 const v1::CreateJobRequest* request,
                                                 v1::Job* reply) {
     if (request->validate_only()) {  // An estimate takes a look at the input.
-        const InspectionQueue::Place place(inspections_);
-        return answer(gate_, inspections_.executor(place, executor_), context, kCreate,
-                      [=, this](const Principal& who, std::string&) {
-                          place.require();
-                          *reply = create(who.tenant, *request);
-                      });
+        return inspections_.answer(gate_, executor_, context, kCreate,
+                                   [=, this](const Principal& who, std::string&) {
+                                       *reply = create(who.tenant, *request);
+                                   });
     }
     return answer(gate_, executor_, context, kCreate,
                   [=, this](const Principal& who, std::string& subject) {
@@ -111,23 +113,31 @@ v1::ListJobsResponse JobService::list(const std::string& tenant,
         static_cast<std::size_t>(request.page_size() == 0 ? kDefaultPageSize : request.page_size());
     ListQuery query{tenant};
     for (const int state : request.states()) {
-        query.states.push_back(to_core(static_cast<v1::Job::State>(state)));
+        const JobState wanted = to_core(static_cast<v1::Job::State>(state));
+        if (std::find(query.states.begin(), query.states.end(), wanted) == query.states.end()) {
+            query.states.push_back(wanted);
+        }
     }
     if (!request.page_token().empty()) {
         query.before = page_tokens_.open(tenant, request.page_token());
         if (!query.before) {
-            refuse("page_token", "must be one that the server gave since it started");
+            refuse("page_token", "must be one that the server gave to this tenant");
         }
     }
     query.limit = size + 1;  // one more tells whether there is a next page
-    auto jobs = registry_.list(query);
     v1::ListJobsResponse reply;
-    if (jobs.size() > size) {
-        jobs.resize(size);
-        reply.set_next_page_token(page_tokens_.seal(tenant, jobs.back().job.number));
-    }
-    for (const JobView& job : jobs) {
-        *reply.add_jobs() = to_proto(job);
+    std::size_t bytes = 0;
+    std::int64_t last = 0;
+    for (const JobView& view : registry_.list(query)) {
+        v1::Job job = to_proto(view);
+        bytes += job.ByteSizeLong();
+        if (last != 0 &&
+            (static_cast<std::size_t>(reply.jobs_size()) == size || bytes > kMaxPageBytes)) {
+            reply.set_next_page_token(page_tokens_.seal(tenant, last));
+            break;
+        }
+        last = view.job.number;
+        *reply.add_jobs() = std::move(job);
     }
     return reply;
 }

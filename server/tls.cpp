@@ -4,6 +4,7 @@
 #include <grpcpp/security/tls_credentials_options.h>
 #include <openssl/pem.h>
 #include <openssl/x509.h>
+#include <spdlog/spdlog.h>
 
 #include <cstdio>
 #include <stdexcept>
@@ -49,6 +50,10 @@ void require_usable(const TlsOptions& options) {
     if (X509_check_private_key(certificate.get(), key.get()) != 1) {
         throw std::runtime_error(options.key.string() + " isn't the key of the certificate in " +
                                  options.certificate.string());
+    }
+    if (X509_cmp_current_time(X509_get0_notAfter(certificate.get())) < 0) {
+        // It may be renewed while the server runs; until then no client takes it.
+        spdlog::warn("event=certificate_expired file={}", options.certificate.string());
     }
     if (!options.client_ca.empty()) {
         static_cast<void>(read_certificate(options.client_ca));

@@ -6,6 +6,7 @@
 
 #include "server/call.h"
 #include "server/convert.h"
+#include "server/open_stream.h"
 #include "server/store/digest.h"
 
 namespace remesh {
@@ -14,8 +15,29 @@ namespace {
 constexpr Rule kUpload{"UploadArtifact", Role::User, true};
 constexpr Rule kDownload{"DownloadArtifact", Role::Viewer, true};
 
+// Of a tenant, those that rest and those that streams are at.
+constexpr int kMaxUploads = 1'000;
+// Downloads share so much memory for chunks, as far as their size allows it.
+constexpr std::size_t kBufferBytes = std::size_t{64} << 20U;
+constexpr std::size_t kMinChunkBytes = std::size_t{64} << 10U;
+
+/// What a download sends at a time when there are so many transfers.
+std::size_t chunk_bytes(int transfers) {
+    return std::clamp(kBufferBytes / static_cast<std::size_t>(std::max(1, transfers)),
+                      kMinChunkBytes, kMaxChunkBytes);
+}
+
 [[noreturn]] void refuse(const std::string& field, const std::string& message) {
     throw JobError({FieldProblem{field, field + " " + message}});
+}
+
+/// Asked with every chunk: a credential may end while a caller takes its time.
+grpc::Status may_go_on(Gate& gate, const Principal& who) {
+    try {
+        return gate.is_still_valid(who) ? grpc::Status::OK : credential_ended_status();
+    } catch (...) {
+        return to_status(std::current_exception());
+    }
 }
 
 /// One upload. The executor runs at most one of its steps at a time, so it needs no lock.
@@ -27,9 +49,11 @@ public:
         room_.executor.post([this] {
             // What was uploaded is written down at the end.
             constexpr Rule kOnlyAdmit{kUpload.action, kUpload.least, false};
-            const grpc::Status status =
-                guarded(room_.gate, context_, kOnlyAdmit,
-                        [this](const Principal& who, std::string&) { who_ = who; });
+            const grpc::Status status = guarded(room_.gate, context_, kOnlyAdmit,
+                                                [this](const Principal& who, std::string&) {
+                                                    who_ = who;
+                                                    slot_ = room_.slots->take(who.tenant);
+                                                });
             if (!status.ok()) {
                 Finish(status);
             } else if (room_.is_draining()) {
@@ -64,6 +88,9 @@ public:
 private:
     /// \return false if no more is needed
     bool take_chunk() {
+        if (const grpc::Status status = may_go_on(room_.gate, who_); !status.ok()) {
+            throw StatusError(status);
+        }
         if (!upload_) {
             open();
             if (reply_.already_present()) {
@@ -85,6 +112,7 @@ private:
                                " bytes that were announced");
         }
         upload_->write(chunk_.data());
+        chunk_ = {};  // A caller that pauses holds no memory.
         return true;
     }
 
@@ -103,6 +131,12 @@ private:
             answer(*known, true);
             return;
         }
+        if (chunk_.offset() == 0 && room_.uploads.count(who_.tenant) >= kMaxUploads) {
+            throw JobError(JobErrorCode::LimitPassed,
+                           "a tenant has at most " + std::to_string(kMaxUploads) +
+                               " unfinished uploads; finish them, or wait until they are dropped",
+                           "tenants/" + who_.tenant + "/uploads");
+        }
         auto upload = room_.uploads.open(who_.tenant, expected_, chunk_.offset());
         if (upload && !has_room()) {
             throw tenant_full();
@@ -111,6 +145,7 @@ private:
             throw StatusError({grpc::StatusCode::OUT_OF_RANGE,
                                "offset must be where the upload stands; GetUpload tells"});
         }
+        room_.uploads.require_disk(expected_.size - upload->size());
         upload_.emplace(std::move(*upload));
     }
 
@@ -160,7 +195,9 @@ private:
         } catch (...) {
             status = to_status(std::current_exception());
         }
-        upload_.reset();  // Before the answer, so that whoever gets it finds the upload free.
+        // Before the answer, so that whoever gets it finds them free.
+        upload_.reset();
+        slot_.reset();
         Finish(status);
     }
 
@@ -168,6 +205,7 @@ private:
     const grpc::CallbackServerContext& context_;
     v1::UploadArtifactResponse& reply_;
     Principal who_;
+    std::shared_ptr<void> slot_;
     v1::UploadArtifactRequest chunk_;
     ArtifactId expected_;
     std::optional<PartialUpload> upload_;
@@ -182,10 +220,12 @@ public:
         room_.executor.post([this, &context, request] {
             const grpc::Status status = guarded(room_.gate, context, kDownload,
                                                 [&](const Principal& who, std::string& subject) {
+                                                    who_ = who;
+                                                    slot_ = room_.slots->take(who.tenant);
                                                     open(who.tenant, request, subject);
                                                 });
             if (!status.ok()) {
-                Finish(status);
+                end(status);
             } else {
                 send();
             }
@@ -195,9 +235,11 @@ public:
     void OnWriteDone(bool ok) override {
         room_.executor.post([this, ok] {
             if (!ok) {
-                Finish({grpc::StatusCode::CANCELLED, "the client left"});
+                end({grpc::StatusCode::CANCELLED, "the client left"});
             } else if (next_ == end_) {
-                Finish(check());
+                end(check());
+            } else if (const grpc::Status status = may_go_on(room_.gate, who_); !status.ok()) {
+                end(status);
             } else {
                 send();
             }
@@ -237,7 +279,7 @@ private:
     }
 
     void send() {
-        const std::size_t size = std::min(kMaxChunkBytes, end_ - next_);
+        const std::size_t size = std::min(chunk_bytes(room_.slots->taken()), end_ - next_);
         const std::string_view bytes = view_->bytes().substr(next_, size);
         // A chunk may still be waiting to be serialized when StartWrite returns: it isn't touched
         // before OnWriteDone.
@@ -255,6 +297,11 @@ private:
         StartWrite(&chunk_);
     }
 
+    void end(const grpc::Status& status) {
+        slot_.reset();  // before the answer, as an upload's
+        Finish(status);
+    }
+
     grpc::Status check() {
         if (hash_ && hash_->finish() != sha256_) {
             return {grpc::StatusCode::DATA_LOSS, "the stored bytes no longer have their digest"};
@@ -263,6 +310,8 @@ private:
     }
 
     const TransferRoom& room_;
+    Principal who_;
+    std::shared_ptr<void> slot_;
     std::optional<ArtifactView> view_;
     std::optional<Sha256> hash_;
     std::string sha256_;

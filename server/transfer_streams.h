@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 
 #include "remesh/v1/artifact.pb.h"
@@ -12,6 +13,7 @@
 #include "server/executor.h"
 #include "server/partial_uploads.h"
 #include "server/store/artifact_store.h"
+#include "server/tenant_slots.h"
 
 namespace remesh {
 
@@ -27,6 +29,8 @@ struct TransferRoom {
     std::int64_t max_bytes;                        ///< Of one upload.
     std::optional<std::int64_t> max_tenant_bytes;  ///< Unless a tenant's policy says more.
     std::function<bool()> is_draining;
+    /// Each stream holds a chunk or two for as long as its caller likes.
+    std::shared_ptr<TenantSlots> slots = std::make_shared<TenantSlots>("transfers", 1'024, 256);
 };
 
 // Each stream has one chunk in flight, does its disk work on the executor and deletes itself when

@@ -59,6 +59,7 @@ private:
 
     // the hub's thread only, once the stream has started
     Principal who_{};
+    std::shared_ptr<void> slot_;
     bool is_open_ = false;      // the snapshot that opens the stream was sent
     bool is_complete_ = false;  // the last message was sent
     std::int64_t after_ = 0;    // last sequence that was sent or skipped
@@ -131,7 +132,10 @@ void WatchStream::take_batch(JobRegistry& registry, std::int64_t last_sequence,
 }
 
 WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid)
-    : registry_(registry), options_(options), is_still_valid_(std::move(is_still_valid)) {
+    : registry_(registry),
+      options_(options),
+      is_still_valid_(std::move(is_still_valid)),
+      slots_("watches", options.max_watches, options.max_watches_of_tenant) {
     thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
 }
 
@@ -150,11 +154,7 @@ grpc::Status WatchHub::start(WatchStream& stream, const WatchTarget& target) {
         if (is_closed_) {
             return shutting_down_status();
         }
-        if (count_ >= options_.max_watches) {
-            return too_many_status("watches", "at most " + std::to_string(options_.max_watches) +
-                                                  " watches are open at a time");
-        }
-        ++count_;
+        stream.slot_ = slots_.take(target.who.tenant);
         stream.key_ = target.key;
         stream.who_ = target.who;
         stream.after_ = target.after;
@@ -259,8 +259,8 @@ void WatchHub::feed(WatchStream& stream) {
                 streams_.erase(found);
             }
             awake_.erase(&stream);
-            --count_;
         }
+        stream.slot_.reset();
         stream.Finish(*end);
     } else if (message) {
         {

@@ -16,11 +16,13 @@
 #include "server/auth/principal.h"
 #include "server/executor.h"
 #include "server/jobs/registry.h"
+#include "server/tenant_slots.h"
 
 namespace remesh {
 
 struct WatchOptions {
-    std::size_t max_watches = 2'000;              ///< More are refused.
+    int max_watches = 4'000;                      ///< More are refused.
+    int max_watches_of_tenant = 2'000;            ///< More of one tenant, too.
     std::chrono::milliseconds heartbeat{15'000};  ///< Longest silence of a stream.
     std::int64_t max_backlog = 64;  ///< A reader further behind than this gets thinned samples.
 };
@@ -72,12 +74,12 @@ private:
     JobRegistry& registry_;
     const WatchOptions options_;
     const IsStillValid is_still_valid_;
+    TenantSlots slots_;
 
     std::mutex mutex_;
     std::condition_variable_any changed_;
     std::map<JobKey, std::set<WatchStream*>> streams_;  // needs mutex_
     std::set<WatchStream*> awake_;                      // needs mutex_
-    std::size_t count_ = 0;                             // needs mutex_
     bool is_closed_ = false;                            // needs mutex_
 
     std::jthread thread_;

@@ -85,15 +85,15 @@ void add_work_flags(CLI::App& command, WorkFlags& flags, int least_workers) {
         ->check(CLI::Range(1, 1024))
         ->default_str("the processors, divided among the workers");
     command.add_option("--max-run-time", flags.max_run_time, "Longest time a job may run, seconds")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{31'536'000}))
         ->capture_default_str();
     command.add_option("--max-job-memory", flags.max_job_memory, "Most memory of a job, MiB")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000'000}))
         ->default_str("four fifths of the machine's or cgroup's, divided among the workers");
     command
         .add_option("--tenant-max-running", flags.max_running_of_tenant,
                     "Jobs of one tenant that run side by side")
-        ->check(CLI::PositiveNumber)
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{1'000'000}))
         ->default_str("no limit");
     command
         .add_option("--checkpoint-interval", flags.checkpoint_interval,

@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include "core/error.h"
+
 namespace remesh {
 
 SurfaceDomain::SurfaceDomain(SurfaceMesh skin, Points normals)
@@ -31,6 +33,11 @@ int SurfaceDomain::region_at(const Vec3& point) const {
 
 BoundaryPoint SurfaceDomain::closest(const Vec3& point, Index hint) const {
     const auto nearest = bvh_.closest(point, std::numeric_limits<double>::infinity(), hint);
+    if (!nearest) {
+        // Options that are valid each by itself may still make the relaxation diverge.
+        throw Error(ErrorCode::Unmeshable,
+                    "a point went to infinity; options nearer to their defaults may help");
+    }
     return boundary_point(*nearest);
 }
 

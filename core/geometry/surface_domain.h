@@ -20,6 +20,7 @@ public:
     explicit SurfaceDomain(SurfaceMesh skin, Points normals = {});
 
     [[nodiscard]] int region_at(const Vec3& point) const override;
+    /// \throws Error{Unmeshable} if the point isn't finite, or so far away that its distance isn't
     [[nodiscard]] BoundaryPoint closest(const Vec3& point, Index hint = kNone) const override;
     [[nodiscard]] std::optional<BoundaryPoint> closest_within(const Vec3& point, double radius,
                                                               Index hint = kNone) const override;

@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <array>
 #include <string>
 
 #include "server/store/job_store.h"
@@ -9,10 +10,8 @@
 namespace remesh {
 namespace {
 
-constexpr std::int64_t kVersion = 1;
-
 // Times are microseconds since 1970, UTC. A credential is never deleted: the audit log names it.
-constexpr const char* kSchema = R"sql(
+constexpr const char* kVersion1 = R"sql(
 CREATE TABLE credentials (
     id TEXT PRIMARY KEY,
     kind TEXT NOT NULL CHECK (kind IN ('token', 'certificate')),
@@ -43,6 +42,16 @@ CREATE TRIGGER audit_keeps_values BEFORE UPDATE ON audit
 BEGIN SELECT RAISE(ABORT, 'the audit log only grows'); END;
 )sql";
 
+// What the server seals things with that callers keep.
+constexpr const char* kVersion2 = R"sql(
+CREATE TABLE keys (
+    purpose TEXT PRIMARY KEY,
+    key TEXT NOT NULL CHECK (length(key) = 64)
+) STRICT, WITHOUT ROWID;
+)sql";
+
+constexpr std::array kSteps{kVersion1, kVersion2};
+
 }  // namespace
 
 sqlite::Connection open_access_database(const std::filesystem::path& data_dir) {
@@ -54,17 +63,15 @@ sqlite::Connection open_access_database(const std::filesystem::path& data_dir) {
     connection.execute("PRAGMA synchronous = FULL");
 
     sqlite::Transaction transaction(connection);
-    const auto version = [&] {
-        sqlite::Statement row(connection, "PRAGMA user_version");
-        row.next();
-        return row.integer(0);
-    }();
-    if (version > kVersion) {
+    const auto version = static_cast<std::size_t>(connection.integer("PRAGMA user_version"));
+    if (version > kSteps.size()) {
         throw StoreError("store: access.sqlite was written by a newer version of remeshd");
     }
-    if (version == 0) {
-        connection.execute(kSchema);
-        connection.execute("PRAGMA user_version = 1");
+    for (std::size_t step = version; step < kSteps.size(); ++step) {
+        connection.execute(kSteps[step]);
+    }
+    if (version < kSteps.size()) {
+        connection.execute(("PRAGMA user_version = " + std::to_string(kSteps.size())).c_str());
     }
     transaction.commit();
     return connection;

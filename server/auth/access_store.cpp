@@ -13,6 +13,7 @@ namespace {
 // Lets scanners for leaked secrets know it.
 constexpr std::string_view kTokenPrefix = "remesh_";
 constexpr int kTokenBytes = 32;
+constexpr int kKeyBytes = 32;
 constexpr int kIdBytes = 6;
 constexpr std::size_t kMaxText = 200;
 
@@ -180,6 +181,19 @@ bool AccessStore::is_valid(const std::string& id, Time now) {
                           "AND (expire_time IS NULL OR expire_time > ?)");
     row.bind(id).bind(to_row(now));
     return row.next();
+}
+
+std::string AccessStore::key_for(std::string_view purpose) {
+    const std::scoped_lock lock(mutex_);
+    const std::string fresh = random_hex(kKeyBytes);
+    sqlite::Statement insert(connection_,
+                             "INSERT OR IGNORE INTO keys (purpose, key) VALUES (?, ?)");
+    insert.bind(purpose).bind(fresh);
+    insert.run();
+    sqlite::Statement row(connection_, "SELECT key FROM keys WHERE purpose = ?");
+    row.bind(purpose);
+    row.next();
+    return row.text(0);
 }
 
 }  // namespace remesh

@@ -69,6 +69,10 @@ public:
                                                              Time now);
     [[nodiscard]] bool is_valid(const std::string& id, Time now);
 
+    /// The data directory's key for a purpose, 256 random bits in hexadecimal; made when it is
+    /// asked for first.
+    [[nodiscard]] std::string key_for(std::string_view purpose);
+
 private:
     Credential insert(Credential credential, const std::string& proof);
     std::optional<Credential> find_proof(std::string_view kind, std::string_view proof, Time now);

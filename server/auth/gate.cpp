@@ -87,7 +87,8 @@ void Gate::note_refusal(const Papers& papers, std::string_view action, const std
     std::int64_t others = 0;
     {
         const std::scoped_lock lock(mutex_);
-        if (last_refusal_ && now - *last_refusal_ < kRefusalInterval) {
+        // A time before the last one is of a clock that was set back.
+        if (last_refusal_ && now >= *last_refusal_ && now - *last_refusal_ < kRefusalInterval) {
             ++unwritten_refusals_;
             return;
         }

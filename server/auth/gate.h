@@ -36,6 +36,9 @@ public:
     /// Whether somebody who was let in would still be.
     [[nodiscard]] bool is_still_valid(const Principal& who);
 
+    /// \copydoc AccessStore::key_for
+    [[nodiscard]] std::string key_for(std::string_view purpose) { return access_.key_for(purpose); }
+
     /// Writes down what was done. \throws StoreError if it can't be
     void record(const Principal& who, const std::string& peer, std::string_view action,
                 const std::string& subject, const std::string& outcome);

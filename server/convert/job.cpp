@@ -28,6 +28,10 @@ constexpr std::array<std::pair<MeshFormat, v1::Format>, 11> kFormats{{
     {MeshFormat::Msh22, v1::FORMAT_MSH22},
 }};
 
+constexpr std::int64_t kMaxTimeoutSeconds = 365 * 24 * 3'600;
+// A job holds its options twice, as asked for and as used, and must fit into a message of 4 MiB.
+constexpr std::size_t kMaxSpecBytes = std::size_t{3} << 19U;
+
 v1::Job::State to_proto(JobState state) {
     switch (state) {
         case JobState::Queued: return v1::Job::STATE_QUEUED;
@@ -179,9 +183,13 @@ std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
     if (spec.priority() < -100 || spec.priority() > 100) {
         add("spec.priority", "must be in [-100, 100], got " + std::to_string(spec.priority()));
     }
-    if (spec.has_timeout() && spec.timeout().seconds() < 1) {
+    if (const auto seconds = spec.timeout().seconds();
+        spec.has_timeout() && (seconds < 1 || seconds > kMaxTimeoutSeconds)) {
         add("spec.timeout",
-            "must be at least 1 s, got " + std::to_string(spec.timeout().seconds()) + " s");
+            "must be in [1, 31536000] seconds, got " + std::to_string(seconds) + " s");
+    }
+    if (const std::size_t size = spec.ByteSizeLong(); size > kMaxSpecBytes) {
+        add("spec", "must have at most 1.5 MiB, got " + std::to_string(size) + " bytes");
     }
     if (spec.labels_size() > 16) {
         add("spec.labels", "must be at most 16, got " + std::to_string(spec.labels_size()));

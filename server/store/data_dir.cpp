@@ -18,11 +18,11 @@
 namespace remesh {
 namespace {
 
-// From linux/magic.h and the kernel's sources: NFS, CIFS, SMB2, SMB, AFS, Ceph, FUSE's 9P, OCFS2,
-// GFS2.
-constexpr std::array<unsigned long, 9> kNetworkFileSystems{
-    0x6969,     0xff534d42, 0xfe534d42, 0x517b,     0x5346414f,
-    0x00c36400, 0x01021997, 0x7461636f, 0x01161970,
+// From linux/magic.h, the kernel's and the file systems' sources: NFS, CIFS, SMB2, SMB, AFS, Ceph,
+// FUSE's 9P, OCFS2, GFS2, Lustre, GPFS, BeeGFS.
+constexpr std::array<unsigned long, 12> kNetworkFileSystems{
+    0x6969,     0xff534d42, 0xfe534d42, 0x517b,     0x5346414f, 0x00c36400,
+    0x01021997, 0x7461636f, 0x01161970, 0x0bd00bd0, 0x47504653, 0x19830326,
 };
 
 }  // namespace

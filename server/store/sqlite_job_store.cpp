@@ -245,7 +245,7 @@ std::unique_ptr<JobStore> open_sqlite_store(const std::filesystem::path& file) {
     return std::make_unique<sqlite::Store>(file);
 }
 
-void check_sqlite_store(const std::filesystem::path& file) {
+void require_whole_database(const std::filesystem::path& file) {
     std::error_code none;
     if (std::filesystem::file_size(file, none) == 0 || none) {
         return;
@@ -264,7 +264,15 @@ void check_sqlite_store(const std::filesystem::path& file) {
                          "backup, or move it away to begin anew: " +
                          problem);
     }
-    sqlite::require_own(connection);
+}
+
+void check_sqlite_store(const std::filesystem::path& file) {
+    require_whole_database(file);
+    std::error_code none;
+    if (std::filesystem::file_size(file, none) > 0 && !none) {
+        sqlite::Connection connection(file.string(), sqlite::Connection::Mode::ReadOnly);
+        sqlite::require_own(connection);
+    }
 }
 
 }  // namespace remesh

@@ -14,7 +14,12 @@ namespace remesh {
 /// was
 std::unique_ptr<JobStore> open_sqlite_store(const std::filesystem::path& file);
 
-/// Reads a whole store file, if there is one, without writing anything.
+/// Reads a whole SQLite file, if there is one, without writing anything.
+///
+/// \throws StoreError that names the file if it is damaged or no database
+void require_whole_database(const std::filesystem::path& file);
+
+/// The same of a store's file.
 ///
 /// \throws StoreError if it is damaged, isn't a store, or was written by a newer version
 void check_sqlite_store(const std::filesystem::path& file);

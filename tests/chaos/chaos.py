@@ -3,7 +3,9 @@
 checks what is left: every acknowledged job came to exactly one end, every result has its digest, equal jobs made
 equal meshes however often they had to go on, no file is orphaned or missing. Exit status 0 if so.
 
-usage: chaos.py --remeshd FILE --remesh FILE [--kills 200] [--seed 1] [--clients 4] [--keep]
+usage: chaos.py --remeshd FILE --remesh FILE [--kills N] [--seed 1] [--clients 4] [--keep]
+
+Without --kills it kills as often as REMESH_TEST_KILLS says, or 200 times.
 """
 
 import argparse
@@ -32,7 +34,7 @@ SHAPES = ((1.0, 1.2, 1.5), (1.1, 1.9, 1.3), (1.6, 1.6, 1.0), (2.0, 1.1, 1.2))
 # Of all kills.
 SHARE_OF_SERVER = 0.4
 SHARE_OF_WORKERS = 0.4
-LONGEST_END = 300.0  # of what is left in the queue, on a slow machine
+LONGEST_PAUSE = 300.0  # between the ends of two jobs that are left, on a slow machine
 
 
 class Client(threading.Thread):
@@ -101,13 +103,16 @@ def kill_at_random(arguments, server, clients):
 
 def wait_until_done(arguments, server):
     """Waits for the queue to run dry."""
-    end = time.monotonic() + LONGEST_END
-    while time.monotonic() < end:
+    left, last_change = math.inf, time.monotonic()
+    while time.monotonic() < last_change + LONGEST_PAUSE:
         listed = subprocess.run(
             [arguments.remesh, "--server", server.address, "--json", "list", "--state", "queued", "--state",
              "running", "--state", "cancelling"], stdout=subprocess.PIPE, text=True, check=True).stdout
-        if not [line for line in listed.splitlines() if '"name"' in line]:
+        now_left = sum('"name"' in line for line in listed.splitlines())
+        if not now_left:
             return
+        if now_left < left:
+            left, last_change = now_left, time.monotonic()
         time.sleep(0.2)
     raise RuntimeError("jobs don't come to an end")
 
@@ -173,7 +178,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--remeshd", required=True)
     parser.add_argument("--remesh", required=True)
-    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--kills", type=int, default=int(os.environ.get("REMESH_TEST_KILLS", "200")))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--clients", type=int, default=4)
     parser.add_argument("--keep", action="store_true", help="leave the data directory behind")

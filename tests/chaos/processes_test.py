@@ -19,7 +19,8 @@ from service_processes import Server, box, children_of
 
 REMESHD, REMESH = sys.argv[1:3]
 DEADLINE = 300.0  # for slow machines; none of it takes so long
-# A second or two of work, and a tenth of that.
+# A minute of work, for jobs that are ended from outside; a second or two; and a tenth of that.
+ENDLESS_JOB = ("--edge-length", "0.02", "--surface-only")
 LONG_JOB = ("--edge-length", "0.05", "--surface-only")
 SHORT_JOB = ("--edge-length", "0.5", "--surface-only")
 
@@ -69,12 +70,21 @@ class Processes(unittest.TestCase):
                     now = event["snapshot"].get("attempt", 0)
                 if now == attempt and event.get("sample", {}).get("iteration", 0) >= iteration:
                     break
+            else:
+                self.fail("the job ended before it got so far")
             watch.kill()
 
     def checkpoints(self):
         """Names of the jobs whose runs have saved where they stand."""
         folder = self.folder / "data" / "tenants" / "default" / "checkpoints"
         return [file.name for file in folder.iterdir() if "." not in file.name] if folder.exists() else []
+
+    def wait_until_checkpoints_are_gone(self):
+        """Takes them away who ran the job, once everybody knows that it ended."""
+        end = time.monotonic() + DEADLINE
+        while self.checkpoints():
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.01)
 
     def surface_of(self, job):
         """Digest of the mesh that a job made."""
@@ -114,7 +124,7 @@ class Processes(unittest.TestCase):
 
     def test_a_job_that_crashes_two_workers_is_quarantined(self):
         self.serve()
-        job = self.submit(*LONG_JOB)
+        job = self.submit(*ENDLESS_JOB)
         for attempt in (1, 2):
             self.wait_for_progress(job, attempt)
             self.kill_worker()
@@ -126,7 +136,7 @@ class Processes(unittest.TestCase):
 
     def test_a_cancel_reaches_the_worker_process(self):
         self.serve()
-        job = self.submit(*LONG_JOB)
+        job = self.submit(*ENDLESS_JOB)
         self.wait_for_progress(job)
         subprocess.run(self.client("cancel", job), check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)
@@ -149,7 +159,7 @@ class Processes(unittest.TestCase):
         self.serve("--checkpoint-interval", "0")
         whole = self.submit(*LONG_JOB)
         self.assertEqual(self.watch(whole), 0)
-        self.assertEqual(self.checkpoints(), [])
+        self.wait_until_checkpoints_are_gone()
 
         job = self.submit(*LONG_JOB, "--skip-cache")
         self.wait_for_progress(job, iteration=10)
@@ -159,7 +169,7 @@ class Processes(unittest.TestCase):
         self.assertEqual(self.show(job)["attempt"], 2)
         self.assertEqual(self.surface_of(job), self.surface_of(whole))
         self.assertGreater(min(self.samples_of(job, 2)), 1)
-        self.assertEqual(self.checkpoints(), [])
+        self.wait_until_checkpoints_are_gone()
 
         job = self.submit(*LONG_JOB, "--skip-cache")
         self.wait_for_progress(job)
@@ -217,6 +227,18 @@ class Processes(unittest.TestCase):
         self.assertEqual(failure["reason"], "TOO_LARGE")
         self.assertIn("64 MiB", failure["message"])
 
+    def test_an_address_that_cant_be_is_refused_with_the_reason(self):
+        for flag, address, reason in (("--listen", "127.0.0.1:65536", "must be HOST:PORT"),
+                                      ("--listen", "nonsense", "must be HOST:PORT"),
+                                      ("--http", "127.0.0.1:-1", "must be HOST:PORT"),
+                                      ("--listen", "unix:/nowhere/at/all", "No such file or directory"),
+                                      ("--port-file", "/nowhere/at/all", "No such file or directory")):
+            flags = {"--data-dir": self.folder / "data", "--listen": "127.0.0.1:0", flag: address}
+            refused = subprocess.run([REMESHD, "serve", *(word for pair in flags.items() for word in pair)],
+                                     stderr=subprocess.PIPE, text=True, timeout=DEADLINE)
+            self.assertEqual(refused.returncode, 1, address)
+            self.assertIn(reason, refused.stderr)
+
     def test_a_second_server_on_the_directory_refuses(self):
         self.serve()
         second = subprocess.run([REMESHD, "serve", "--data-dir", self.server.data, "--listen", "127.0.0.1:0"],
@@ -229,16 +251,19 @@ class Processes(unittest.TestCase):
         self.serve()
         self.assertEqual(self.watch(self.submit(*SHORT_JOB)), 0)
         self.server.stop()
-        file = self.server.data / "remesh.sqlite"
-        content = bytearray(file.read_bytes())
-        content[4096:] = bytes(len(content) - 4096)
-        file.write_bytes(content)
+        for name in ("remesh.sqlite", "access.sqlite"):
+            file = self.server.data / name
+            whole = file.read_bytes()
+            damaged = whole[:4096] + bytes(len(whole) - 4096)
+            file.write_bytes(damaged)
 
-        again = subprocess.run([REMESHD, "serve", "--data-dir", self.server.data, "--listen", "127.0.0.1:0"],
-                               stderr=subprocess.PIPE, text=True, timeout=DEADLINE)
-        self.assertEqual(again.returncode, 1)
-        self.assertIn("damaged", again.stderr)
-        self.assertEqual(file.read_bytes(), content)
+            again = subprocess.run(
+                [REMESHD, "serve", "--data-dir", self.server.data, "--listen", "127.0.0.1:0"],
+                stderr=subprocess.PIPE, text=True, timeout=DEADLINE)
+            self.assertEqual(again.returncode, 1)
+            self.assertIn(f"{name} is damaged", again.stderr)
+            self.assertEqual(file.read_bytes(), damaged)
+            file.write_bytes(whole)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <limits>
 #include <sstream>
 
+#include "server/partial_uploads.h"
+#include "tests/support/full_disk.h"
 #include "tests/support/shapes.h"
 #include "tests/support/test_server.h"
 
@@ -191,6 +194,33 @@ TEST_F(Artifacts, LetTwoSendTheSameBytesAtATime) {
     std::string all;
     EXPECT_TRUE(server_.download(sha256_of(bytes), 0, 0, &all).ok());
     EXPECT_EQ(all, bytes);
+}
+
+TEST(PartialUploads, LeaveNothingOnADiskThatIsFull) {
+    const testing::TemporaryDirectory directory;
+    PartialUploads uploads(directory.path());
+    {
+        auto upload = uploads.open("clinic", {sha256_of("mesh"), 5'000}, 0);
+        upload->write(std::string(1'000, 'x'));
+        EXPECT_EQ(uploads.count("clinic"), 1);
+        const testing::FullDisk full(2'000);
+
+        EXPECT_THROW(upload->write(std::string(4'000, 'x')), StoreError);
+    }
+    EXPECT_EQ(uploads.count("clinic"), 0);
+}
+
+TEST(PartialUploads, ArentBegunWhereTheDiskHasNoRoom) {
+    const testing::TemporaryDirectory directory;
+    const PartialUploads uploads(directory.path());
+
+    EXPECT_NO_THROW(uploads.require_disk(1));
+    try {
+        uploads.require_disk(std::numeric_limits<std::int64_t>::max());
+        FAIL();
+    } catch (const StoreError& error) {
+        EXPECT_EQ(error.kind(), StoreError::Kind::Full);
+    }
 }
 
 TEST_F(Artifacts, AreTakenWithoutABit) {

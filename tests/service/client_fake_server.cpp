@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "client/failure.h"
 #include "client/sha256.h"
@@ -40,10 +41,9 @@ v1::Quality quality_with(double edge_length) {
 
 }  // namespace
 
-FakeServer::FakeServer(int port) {
+FakeServer::FakeServer(std::string listen) : listen_(std::move(listen)) {
     grpc::ServerBuilder builder;
-    builder.AddListeningPort(fmt::format("127.0.0.1:{}", port), grpc::InsecureServerCredentials(),
-                             &port_);
+    builder.AddListeningPort(listen_, grpc::InsecureServerCredentials(), &port_);
     builder.RegisterService(static_cast<v1::JobService::Service*>(this));
     builder.RegisterService(static_cast<v1::ArtifactService::Service*>(this));
     builder.RegisterService(static_cast<v1::CapabilityService::Service*>(this));
@@ -55,7 +55,7 @@ FakeServer::~FakeServer() {
 }
 
 std::string FakeServer::address() const {
-    return fmt::format("127.0.0.1:{}", port_);
+    return listen_.starts_with("unix:") ? listen_ : fmt::format("127.0.0.1:{}", port_);
 }
 
 std::string FakeServer::content_of(v1::Format format) {
@@ -102,7 +102,7 @@ std::vector<std::string> FakeServer::authorizations() {
 
 void FakeServer::wait_for_watch() {
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, std::chrono::seconds(30), [this] { return !watches_.empty(); });
+    changed_.wait_for(lock, std::chrono::minutes(5), [this] { return !watches_.empty(); });
 }
 
 v1::Job FakeServer::add_job(v1::Job job) {

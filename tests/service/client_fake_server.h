@@ -23,8 +23,8 @@ class FakeServer final : public v1::JobService::Service,
                          public v1::ArtifactService::Service,
                          public v1::CapabilityService::Service {
 public:
-    /// \param port  0: any
-    explicit FakeServer(int port = 0);
+    /// \param listen  HOST:PORT (port 0: any) or unix:PATH
+    explicit FakeServer(std::string listen = "127.0.0.1:0");
     ~FakeServer() override;
 
     [[nodiscard]] std::string address() const;
@@ -74,6 +74,7 @@ private:
     v1::Job finished(v1::Job job);              // needs mutex_
     v1::Digest store(const std::string& data);  // needs mutex_
 
+    std::string listen_;
     int port_ = 0;
     std::unique_ptr<grpc::Server> server_;
     std::mutex mutex_;

@@ -71,7 +71,7 @@ std::string content_of(const fs::path& file) {
 std::string wait_for_text(const fs::path& file, const std::string& text) {
     const int watch = inotify_init1(IN_CLOEXEC);
     inotify_add_watch(watch, file.parent_path().c_str(), IN_MODIFY | IN_CREATE);
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(5);
     std::string content = content_of(file);
     while (content.find(text) == std::string::npos && std::chrono::steady_clock::now() < deadline) {
         pollfd changed{watch, POLLIN, 0};

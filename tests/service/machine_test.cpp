@@ -20,6 +20,20 @@ TEST(Machine, ReadsTheMemoryOfACgroup) {
     EXPECT_GT(available_memory(), 0);
 }
 
+TEST(Machine, KnowsWhatAnAddressIs) {
+    EXPECT_TRUE(is_address("127.0.0.1:0"));
+    EXPECT_TRUE(is_address("[::1]:65535"));
+    EXPECT_TRUE(is_address("unix:/run/remesh.sock"));
+    EXPECT_FALSE(is_address("127.0.0.1:65536"));
+    EXPECT_FALSE(is_address("127.0.0.1:99999999999999999999"));
+    EXPECT_FALSE(is_address("127.0.0.1:-1"));
+    EXPECT_FALSE(is_address("127.0.0.1:"));
+    EXPECT_FALSE(is_address("127.0.0.1"));
+    EXPECT_FALSE(is_address(":50051"));
+    EXPECT_FALSE(is_address("unix:"));
+    EXPECT_FALSE(is_address(""));
+}
+
 TEST(Machine, KnowsWhichAddressesStayOnIt) {
     EXPECT_TRUE(is_loopback("127.0.0.1:50051"));
     EXPECT_TRUE(is_loopback("localhost:0"));

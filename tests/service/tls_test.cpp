@@ -125,7 +125,7 @@ TEST_F(Tls, TakesUpACertificateThatWasReplaced) {
 
     // The files are looked at once a second; each attempt is a connection of its own.
     grpc::Status status;
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(5);
     do {
         server.connect(trusting(successor));
         status = ask(server);
@@ -189,7 +189,7 @@ TEST(Connections, BeyondTheBoundAreClosedAndTheServerGoesOn) {
     const grpc::Status while_full = ask();
     idle.close();
     grpc::Status afterwards;
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(5);
     do {
         afterwards = ask();
     } while (!afterwards.ok() && std::chrono::steady_clock::now() < deadline);

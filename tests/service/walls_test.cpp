@@ -10,6 +10,11 @@
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <future>
+#include <thread>
+#include <vector>
+
 #include "server/healthcheck.h"
 #include "tests/support/test_server.h"
 
@@ -304,14 +309,72 @@ TEST(Names, MayBeShort) {
     EXPECT_EQ(job.name(), name);
 }
 
+TEST(Tokens, EndTheTransfersOfThoseThatAreRevoked) {
+    TestServer server(kCopy, [](ServerOptions& options) { options.requires_credentials = true; });
+    CallContext context(server.token_for("a"));
+    AccessStore access(server.data_dir());
+    v1::UploadArtifactRequest chunk;
+    chunk.mutable_digest()->set_sha256(sha256_of("mesh"));
+    chunk.mutable_digest()->set_size_bytes(4);
+    chunk.set_data("me");
+    v1::UploadArtifactResponse response;
+    const auto stream = server.artifacts->UploadArtifact(&context, &response);
+    stream->Write(chunk);
+
+    access.revoke(access.list().at(0).id, system_now());
+    chunk.set_offset(2);
+    chunk.set_data("sh");
+    stream->Write(chunk);
+    stream->WritesDone();
+
+    EXPECT_EQ(stream->Finish().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+}
+
+TEST(Inspections, LetNobodyWaitAmongThoseWhoMayLook) {
+    std::promise<void> end;
+    TestServer server(kCopy, [ended = end.get_future().share()](ServerOptions& options) {
+        options.requires_credentials = true;
+        options.inspector = [ended](std::string_view, const std::string&) {
+            ended.wait();
+            return v1::Inspection();
+        };
+    });
+    server.token = server.token_for("a");
+    const std::string digest = server.upload("mesh").sha256();
+    const auto inspect = [&](const std::string& token) {
+        CallContext context(token);
+        v1::InspectArtifactRequest request;
+        request.set_sha256(digest);
+        v1::Inspection inspection;
+        return server.artifacts->InspectArtifact(&context, request, &inspection).error_code();
+    };
+    std::atomic<int> turned_away = 0;
+    std::vector<std::jthread> callers;
+    for (int i = 0; i < 9; ++i) {
+        callers.emplace_back([&] {
+            if (inspect(server.token) == grpc::StatusCode::RESOURCE_EXHAUSTED) {
+                ++turned_away;
+                turned_away.notify_all();
+            }
+        });
+    }
+
+    turned_away.wait(0);  // Eight of them wait.
+    EXPECT_EQ(inspect(""), grpc::StatusCode::UNAUTHENTICATED);
+
+    end.set_value();
+    callers.clear();
+    EXPECT_EQ(turned_away, 1);
+}
+
 TEST(Pages, TellNobodyHowManyJobsOthersHave) {
-    const PageTokens tokens;
+    const PageTokens tokens("key");
 
     const std::string token = tokens.seal("a", 7);
 
     EXPECT_EQ(tokens.open("a", token), 7);
     EXPECT_EQ(tokens.open("b", token), std::nullopt);
-    EXPECT_EQ(PageTokens().open("a", token), std::nullopt);
+    EXPECT_EQ(PageTokens("other key").open("a", token), std::nullopt);
     EXPECT_EQ(tokens.open("a", "7"), std::nullopt);
     EXPECT_EQ(tokens.open("a", std::string(32, '0')), std::nullopt);
     EXPECT_NE(tokens.seal("a", 8).substr(0, 16), token.substr(0, 16));

@@ -2,9 +2,11 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -57,6 +59,16 @@ public:
         return failure.reason;
     }
 };
+
+/// What a call is refused with.
+inline JobErrorCode code_of(const std::function<void()>& call) {
+    try {
+        call();
+    } catch (const JobError& error) {
+        return error.code();
+    }
+    throw std::logic_error("no JobError came");
+}
 
 /// A registry with workers and a housekeeper over a directory, without a network. `stop` and
 /// `start` are what a restart of the server does.
@@ -118,12 +130,12 @@ public:
             .job.key;
     }
 
-    /// The job once it is in a state, or as it is after ten seconds.
+    /// The job once it is in a state, or as it is after five minutes.
     JobRecord wait_for(const JobKey& key, JobState state) {
         return wait_until(key, [&](const JobRecord& job) { return job.state == state; });
     }
     JobRecord wait_until(const JobKey& key, const std::function<bool(const JobRecord&)>& is_met) {
-        const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+        const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(5);
         while (true) {
             std::uint64_t seen = 0;
             {

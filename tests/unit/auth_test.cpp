@@ -94,6 +94,26 @@ TEST_F(Auth, EndsATokenAtItsTimeAndWhenItIsRevoked) {
     EXPECT_FALSE(access.revoke(revoked.credential.id, kNoon).has_value());
 }
 
+TEST_F(Auth, MakesAKeyForAPurposeOnce) {
+    const std::string pages = AccessStore(directory_.path()).key_for("pages");
+    AccessStore again(directory_.path());
+
+    EXPECT_EQ(pages.size(), 64U);
+    EXPECT_EQ(again.key_for("pages"), pages);
+    EXPECT_NE(again.key_for("other"), pages);
+}
+
+TEST_F(Auth, TakesUpTheDatabaseOfAnOlderVersion) {
+    const auto issued =
+        AccessStore(directory_.path()).create_token({"clinic", Role::User, "", {}}, kNoon);
+    open_access_database(directory_.path()).execute("DROP TABLE keys; PRAGMA user_version = 1");
+
+    AccessStore access(directory_.path());
+
+    EXPECT_TRUE(access.find_token(issued.token, kNoon).has_value());
+    EXPECT_EQ(access.key_for("pages").size(), 64U);
+}
+
 TEST_F(Auth, LetsInCertificatesByName) {
     AccessStore(directory_.path())
         .allow_certificate("pipeline.clinic.example", {"clinic", Role::User, "", {}}, kNoon);
@@ -133,6 +153,17 @@ TEST_F(Auth, WritesDownRefusalsOnceASecond) {
         subjects.push_back(record.entry.subject);
     });
     EXPECT_THAT(subjects, ::testing::ElementsAre("", "99 more before"));
+}
+
+TEST_F(Auth, WritesDownRefusalsAlsoWhenTheClockWasSetBack) {
+    Time now = kNoon;
+    Gate gate(directory_.path(), true, [&now] { return now; });
+    for (int i = 0; i < 2; ++i) {
+        EXPECT_THROW(static_cast<void>(gate.admit({}, Role::Viewer, "GetJob")), AccessError);
+        now -= std::chrono::hours(24);
+    }
+
+    EXPECT_EQ(AuditLog(directory_.path()).verify().entries, 2);
 }
 
 TEST_F(Auth, VerifiesALogThatNobodyTouched) {

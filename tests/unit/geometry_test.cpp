@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/error.h"
 #include "core/geometry/bvh.h"
 #include "core/geometry/domain_volume.h"
 #include "core/geometry/edge_table.h"
@@ -240,6 +241,16 @@ TEST(SurfaceDomain, InterpolatesGivenNormals) {
     for (const auto& p : scattered(100)) {
         const auto nearest = domain.closest(p);
         EXPECT_GT(nearest.normal.dot(nearest.point.normalized()), 0.9999);
+    }
+}
+
+TEST(SurfaceDomain, RefusesPointsThatArentAnywhere) {
+    const SurfaceDomain domain(unit_cube());
+
+    for (const double x : {std::numeric_limits<double>::quiet_NaN(),
+                           std::numeric_limits<double>::infinity(), -1e300}) {
+        EXPECT_THROW(static_cast<void>(domain.closest(Vec3(x, 0.5, 0.5))), Error);
+        EXPECT_FALSE(domain.closest_within(Vec3(x, 0.5, 0.5), 1.0));
     }
 }
 

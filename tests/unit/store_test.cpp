@@ -1,9 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
@@ -18,11 +16,13 @@
 #include "server/store/sqlite.h"
 #include "server/store/sqlite_job_store.h"
 #include "server/store/worker_roster.h"
+#include "tests/support/full_disk.h"
 #include "tests/support/temporary_directory.h"
 
 namespace remesh {
 namespace {
 
+using testing::FullDisk;
 using testing::TemporaryDirectory;
 
 Time at(int second) {
@@ -192,23 +192,6 @@ TEST(SqliteJobStore, TakesOverWhatTheFirstVersionWrote) {
     EXPECT_EQ(store->lose({held[0].key, held[0].epoch}, loss, at(1))->state, JobState::Quarantined);
     EXPECT_NO_THROW(check_sqlite_store(file));
 }
-
-/// No file of this process grows beyond a size: as a full disk would have it.
-class FullDisk {
-public:
-    explicit FullDisk(rlim_t bytes) {
-        std::signal(SIGXFSZ, SIG_IGN);
-        ::getrlimit(RLIMIT_FSIZE, &before_);
-        const rlimit limit{bytes, before_.rlim_max};
-        ::setrlimit(RLIMIT_FSIZE, &limit);
-    }
-    FullDisk(const FullDisk&) = delete;
-    FullDisk& operator=(const FullDisk&) = delete;
-    ~FullDisk() { ::setrlimit(RLIMIT_FSIZE, &before_); }
-
-private:
-    rlimit before_{};
-};
 
 /// Creates jobs until the disk is full. \return how many were acknowledged
 int create_until_full(JobStore& store) {
