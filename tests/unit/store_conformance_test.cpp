@@ -478,6 +478,20 @@ TEST_P(JobStoreConformance, CountsTheJobsOfAllTenantsByState) {
     EXPECT_EQ(figures.oldest_queued, at(3));
 }
 
+TEST_P(JobStoreConformance, CountsWhatEachTenantWaitsFor) {
+    EXPECT_THAT(store->backlogs(), IsEmpty());
+
+    create_for("b", "runs");
+    store->request_cancel(claim().key, at(2));
+    create_for("a", "waits");
+    create_for("b", "waits too");
+    create_for("c", "is over");
+    store->request_cancel({"c", "is over"}, at(2));
+
+    EXPECT_THAT(store->backlogs(),
+                ElementsAre(TenantBacklog{"a", 1, 0, at(1)}, TenantBacklog{"b", 1, 1, at(1)}));
+}
+
 TEST_P(JobStoreConformance, RefusesWhatATenantMayNotQueueOrKeep) {
     store->set_policy("clinic", {.max_queued = 1, .max_bytes = 15});
 
@@ -552,6 +566,10 @@ TEST_P(JobStoreConformance, FindsWhatEndedLongAgoAndHowLongJobsTook) {
     EXPECT_THAT(store->ended_before(at(8), 10),
                 ElementsAre(JobKey{"clinic", "one"}, JobKey{"clinic", "three"}));
     EXPECT_THAT(store->ended_before(at(9), 1), ElementsAre(JobKey{"clinic", "one"}));
+    EXPECT_THAT(store->ended_since(std::nullopt, at(6), 10),
+                ElementsAre(JobKey{"clinic", "two"}, JobKey{"clinic", "three"}));
+    EXPECT_THAT(store->ended_since("clinic", at(4), 1), ElementsAre(JobKey{"clinic", "two"}));
+    EXPECT_THAT(store->ended_since("other", at(4), 10), IsEmpty());
     EXPECT_EQ(store->mean_run_time("clinic", 10), seconds(4));
     EXPECT_EQ(store->mean_run_time("clinic", 1), seconds(6));
     EXPECT_EQ(store->mean_run_time("other", 10), std::nullopt);
