@@ -132,8 +132,8 @@ Metrics::Metrics(JobRegistry& registry, JobStore& store, const MetricsOptions& o
             families_->ended.Add({{"state", label_of(state)}, {"reason", "NONE"}});
         }
     }
-    for (const char* reason : {"INVALID_INPUT", "UNSUPPORTED", "UNMESHABLE", "TOO_LARGE", "TIMEOUT",
-                               "STORAGE", "INTERNAL"}) {
+    for (const char* reason : {"INVALID_INPUT", "UNSUPPORTED", "UNMESHABLE", "TOO_LARGE",
+                               "BOUND_NOT_MET", "TIMEOUT", "STORAGE", "INTERNAL"}) {
         families_->ended.Add({{"state", "failed"}, {"reason", reason}});
     }
     families_->ended.Add({{"state", "quarantined"}, {"reason", "WORKER_LOST"}});

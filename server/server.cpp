@@ -61,6 +61,7 @@ Server::Server(const ServerOptions& options, const Engine& engine)
       capabilities_(gate_, executor_,
                     {options.max_artifact_bytes, options.workforce.workers.workers,
                      options.workforce.workers.threads, options.registry.limits.max_queued}),
+      queue_service_(gate_, *store_, registry_, executor_),
       housekeeper_(
           *store_, artifacts_, registry_, codec_,
           [this](const std::string& worker) { return roster_.is_alive(worker); },
@@ -111,6 +112,7 @@ void Server::listen(const ServerOptions& options) {
     builder.RegisterService(&jobs_);
     builder.RegisterService(&artifact_service_);
     builder.RegisterService(&capabilities_);
+    builder.RegisterService(&queue_service_);
     server_ = builder.BuildAndStart();
     if (!server_) {
         throw std::runtime_error("can't serve on " + options.listen);

@@ -14,6 +14,7 @@
 #include "server/jobs/worker_pool.h"
 #include "server/metrics.h"
 #include "server/partial_uploads.h"
+#include "server/queue_service.h"
 #include "server/queue_watch.h"
 #include "server/service.h"
 #include "server/store/artifact_store.h"
@@ -109,6 +110,7 @@ private:
     JobService jobs_;
     ArtifactService artifact_service_;
     CapabilityService capabilities_;
+    QueueService queue_service_;
     std::unique_ptr<Acceptor> acceptor_;
     std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> door_;
     std::unique_ptr<grpc::Server> server_;

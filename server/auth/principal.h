@@ -14,7 +14,8 @@ inline constexpr std::string_view kDefaultTenant = "default";
 enum class Role {
     Viewer,    ///< Reads jobs and artifacts of its tenant.
     User,      ///< Makes, cancels and deletes them, too.
-    Operator,  ///< Reads totals over all tenants, too (metrics); never another tenant's jobs.
+    Operator,  ///< Reads what all tenants add up to, too (metrics, SummarizeQueue); never
+               ///< another tenant's jobs.
 };
 
 /// Whose call it is.

@@ -197,6 +197,16 @@ struct ListQuery {
     std::size_t limit = 100;
 };
 
+/// What a tenant waits for.
+struct TenantBacklog {
+    std::string tenant{};
+    std::int64_t queued = 0;
+    std::int64_t running = 0;             ///< Those that are being cancelled, too.
+    std::optional<Time> oldest_queued{};  ///< When the job that waits longest was created.
+
+    bool operator==(const TenantBacklog&) const = default;
+};
+
 /// What the store tells about the jobs of all tenants.
 struct StoreFigures {
     std::map<JobState, std::int64_t> jobs{};  ///< States that no job is in are left out.

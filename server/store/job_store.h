@@ -103,6 +103,10 @@ public:
                            std::vector<std::string>* artifacts) = 0;
     /// Jobs that became terminal before a time, the oldest first, at most `limit`.
     virtual std::vector<JobKey> ended_before(Time time, std::size_t limit) = 0;
+    /// Jobs of a tenant, or of all, that became terminal at a time or later, the newest first, at
+    /// most `limit`.
+    virtual std::vector<JobKey> ended_since(const std::optional<std::string>& tenant, Time time,
+                                            std::size_t limit) = 0;
     /// Mean time from claim to success of the tenant's newest `count` such jobs that were really
     /// run, or nothing if there is none.
     virtual std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
@@ -125,6 +129,8 @@ public:
 
     /// Counts for monitoring.
     virtual StoreFigures figures() = 0;
+    /// Tenants with a job that isn't terminal, by name.
+    virtual std::vector<TenantBacklog> backlogs() = 0;
 
     /// Sum of the sizes of a tenant's artifacts.
     virtual std::int64_t stored_bytes(const std::string& tenant) = 0;

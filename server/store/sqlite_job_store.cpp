@@ -1,6 +1,8 @@
 #include "server/store/sqlite_job_store.h"
 
+#include <map>
 #include <string_view>
+#include <utility>
 
 #include "server/store/sqlite_schema.h"
 #include "server/store/sqlite_store.h"
@@ -18,6 +20,15 @@ std::int64_t count_queued(Connection& connection, const std::string& tenant) {
     row.bind(tenant);
     row.next();
     return row.integer(0);
+}
+
+/// Of rows with tenant and id.
+std::vector<JobKey> keys_of(Statement& row) {
+    std::vector<JobKey> jobs;
+    while (row.next()) {
+        jobs.push_back({row.text(0), row.text(1)});
+    }
+    return jobs;
 }
 
 /// What stands against a job whose request id is new.
@@ -199,12 +210,21 @@ std::vector<JobKey> Store::ended_before(Time time, std::size_t limit) {
         Statement row(connection,
                       "SELECT tenant, id FROM jobs WHERE end_time < ? "
                       "ORDER BY end_time, number LIMIT ?");
-        row.bind(to_row(time)).bind(static_cast<std::int64_t>(limit));
-        std::vector<JobKey> jobs;
-        while (row.next()) {
-            jobs.push_back({row.text(0), row.text(1)});
+        return keys_of(row.bind(to_row(time)).bind(static_cast<std::int64_t>(limit)));
+    });
+}
+
+std::vector<JobKey> Store::ended_since(const std::optional<std::string>& tenant, Time time,
+                                       std::size_t limit) {
+    return read([&](Connection& connection) {
+        Statement row(connection, std::string("SELECT tenant, id FROM jobs WHERE end_time >= ?") +
+                                      (tenant ? " AND tenant = ?" : "") +
+                                      " ORDER BY end_time DESC, number DESC LIMIT ?");
+        row.bind(to_row(time));
+        if (tenant) {
+            row.bind(*tenant);
         }
-        return jobs;
+        return keys_of(row.bind(static_cast<std::int64_t>(limit)));
     });
 }
 
@@ -236,6 +256,32 @@ StoreFigures Store::figures() {
             }
         }
         return figures;
+    });
+}
+
+std::vector<TenantBacklog> Store::backlogs() {
+    return read([](Connection& connection) {
+        std::map<std::string, TenantBacklog> backlogs;
+        Statement queued(connection,
+                         "SELECT tenant, COUNT(*), MIN(create_time) FROM jobs "
+                         "WHERE state = 'queued' GROUP BY tenant");
+        while (queued.next()) {
+            TenantBacklog& backlog = backlogs[queued.text(0)];
+            backlog.queued = queued.integer(1);
+            backlog.oldest_queued = to_time(queued.integer(2));
+        }
+        Statement held(connection,
+                       "SELECT tenant, COUNT(*) FROM jobs "
+                       "WHERE state IN ('running', 'cancelling') GROUP BY tenant");
+        while (held.next()) {
+            backlogs[held.text(0)].running = held.integer(1);
+        }
+        std::vector<TenantBacklog> sorted;
+        for (auto& [tenant, backlog] : backlogs) {
+            backlog.tenant = tenant;
+            sorted.push_back(std::move(backlog));
+        }
+        return sorted;
     });
 }
 

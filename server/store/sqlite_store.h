@@ -40,6 +40,8 @@ public:
     Removal remove(const JobKey& key, std::optional<std::int64_t> revision,
                    std::vector<std::string>* artifacts) override;
     std::vector<JobKey> ended_before(Time time, std::size_t limit) override;
+    std::vector<JobKey> ended_since(const std::optional<std::string>& tenant, Time time,
+                                    std::size_t limit) override;
     std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
                                                            std::size_t count) override;
 
@@ -52,6 +54,7 @@ public:
     bool remove_artifact(const std::string& tenant, const std::string& sha256) override;
     std::vector<JobKey> unreferenced_artifacts(Time before) override;
     StoreFigures figures() override;
+    std::vector<TenantBacklog> backlogs() override;
     std::int64_t stored_bytes(const std::string& tenant) override;
     void set_policy(const std::string& tenant, const TenantPolicy& policy) override;
     TenantPolicy policy(const std::string& tenant) override;

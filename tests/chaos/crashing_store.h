@@ -94,6 +94,10 @@ public:
     std::vector<JobKey> ended_before(Time time, std::size_t limit) override {
         return store_.ended_before(time, limit);
     }
+    std::vector<JobKey> ended_since(const std::optional<std::string>& tenant, Time time,
+                                    std::size_t limit) override {
+        return store_.ended_since(tenant, time, limit);
+    }
     std::optional<std::chrono::microseconds> mean_run_time(const std::string& tenant,
                                                            std::size_t count) override {
         return store_.mean_run_time(tenant, count);
@@ -106,6 +110,7 @@ public:
         return store_.unreferenced_artifacts(before);
     }
     StoreFigures figures() override { return store_.figures(); }
+    std::vector<TenantBacklog> backlogs() override { return store_.backlogs(); }
     std::int64_t stored_bytes(const std::string& tenant) override {
         return store_.stored_bytes(tenant);
     }

@@ -283,18 +283,18 @@ public:
 
     std::vector<JobKey> ended_before(Time time, std::size_t limit) override {
         const std::scoped_lock lock(mutex_);
-        std::set<std::tuple<Time, std::int64_t, JobKey>> ended;
-        for (const Entry& entry : jobs_) {
-            if (entry.job.end_time && *entry.job.end_time < time) {
-                ended.insert({*entry.job.end_time, entry.job.number, entry.job.key});
-            }
-        }
-        std::vector<JobKey> keys;
-        for (const auto& [end, number, key] : ended) {
-            if (keys.size() < limit) {
-                keys.push_back(key);
-            }
-        }
+        auto keys = ended([time](Time end) { return end < time; });
+        keys.resize(std::min(keys.size(), limit));
+        return keys;
+    }
+
+    std::vector<JobKey> ended_since(const std::optional<std::string>& tenant, Time time,
+                                    std::size_t limit) override {
+        const std::scoped_lock lock(mutex_);
+        auto keys = ended([time](Time end) { return end >= time; });
+        std::erase_if(keys, [&](const JobKey& key) { return tenant && key.tenant != *tenant; });
+        std::reverse(keys.begin(), keys.end());
+        keys.resize(std::min(keys.size(), limit));
         return keys;
     }
 
@@ -389,6 +389,31 @@ public:
         return figures;
     }
 
+    std::vector<TenantBacklog> backlogs() override {
+        const std::scoped_lock lock(mutex_);
+        std::map<std::string, TenantBacklog> backlogs;
+        for (const Entry& entry : jobs_) {
+            const JobRecord& job = entry.job;
+            if (is_terminal(job.state)) {
+                continue;
+            }
+            TenantBacklog& backlog = backlogs[job.key.tenant];
+            backlog.tenant = job.key.tenant;
+            if (job.state == JobState::Queued) {
+                ++backlog.queued;
+                backlog.oldest_queued =
+                    std::min(backlog.oldest_queued.value_or(job.create_time), job.create_time);
+            } else {
+                ++backlog.running;
+            }
+        }
+        std::vector<TenantBacklog> sorted;
+        for (const auto& [tenant, backlog] : backlogs) {
+            sorted.push_back(backlog);
+        }
+        return sorted;
+    }
+
     std::int64_t stored_bytes(const std::string& tenant) override {
         const std::scoped_lock lock(mutex_);
         return bytes_of(tenant);
@@ -456,6 +481,21 @@ private:
         Entry* entry = entry_of(claim.key);
         return entry && entry->job.epoch == claim.epoch && is_held(entry->job.state) ? entry
                                                                                      : nullptr;
+    }
+    /// The jobs whose end is as wanted, by it.
+    template <typename IsWanted>
+    std::vector<JobKey> ended(IsWanted is_wanted) const {
+        std::set<std::tuple<Time, std::int64_t, JobKey>> found;
+        for (const Entry& entry : jobs_) {
+            if (entry.job.end_time && is_wanted(*entry.job.end_time)) {
+                found.insert({*entry.job.end_time, entry.job.number, entry.job.key});
+            }
+        }
+        std::vector<JobKey> keys;
+        for (const auto& [end, number, key] : found) {
+            keys.push_back(key);
+        }
+        return keys;
     }
     std::int64_t count(JobState state, const std::optional<std::string>& tenant = {}) const {
         return std::count_if(jobs_.begin(), jobs_.end(), [&](const Entry& entry) {

@@ -14,6 +14,7 @@
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "remesh/v1/capability.grpc.pb.h"
 #include "remesh/v1/job.grpc.pb.h"
+#include "remesh/v1/queue.grpc.pb.h"
 #include "server/auth/access_store.h"
 #include "server/server.h"
 #include "server/store/digest.h"
@@ -76,6 +77,7 @@ public:
         jobs = v1::JobService::NewStub(channel);
         artifacts = v1::ArtifactService::NewStub(channel);
         capabilities = v1::CapabilityService::NewStub(channel);
+        queue = v1::QueueService::NewStub(channel);
     }
     [[nodiscard]] const std::filesystem::path& data_dir() const { return directory_.path(); }
     /// Makes a token that is valid at once.
@@ -200,6 +202,7 @@ public:
     std::unique_ptr<v1::JobService::Stub> jobs{};
     std::unique_ptr<v1::ArtifactService::Stub> artifacts{};
     std::unique_ptr<v1::CapabilityService::Stub> capabilities{};
+    std::unique_ptr<v1::QueueService::Stub> queue{};
 
 private:
     TemporaryDirectory directory_;

@@ -84,6 +84,20 @@ TEST_P(JobStoreConformance, CountsTheJobsOfAllTenantsByState) {
     EXPECT_EQ(figures.oldest_queued, at(3));
 }
 
+TEST_P(JobStoreConformance, CountsWhatEachTenantWaitsFor) {
+    EXPECT_THAT(store->backlogs(), IsEmpty());
+
+    create_for("b", "runs");
+    store->request_cancel(claim().key, at(2));
+    create_for("a", "waits");
+    create_for("b", "waits too");
+    create_for("c", "is over");
+    store->request_cancel({"c", "is over"}, at(2));
+
+    EXPECT_THAT(store->backlogs(),
+                ElementsAre(TenantBacklog{"a", 1, 0, at(1)}, TenantBacklog{"b", 1, 1, at(1)}));
+}
+
 TEST_P(JobStoreConformance, RefusesWhatATenantMayNotQueueOrKeep) {
     store->set_policy("clinic", {.max_queued = 1, .max_bytes = 15});
 

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -66,6 +67,11 @@ public:
         ASSERT_EQ(store_->held(), model_.held());
         ASSERT_EQ(store_->unreferenced_artifacts(now_), model_.unreferenced_artifacts(now_));
         ASSERT_EQ(store_->ended_before(now_, 5), model_.ended_before(now_, 5));
+        for (const auto& tenant : {std::optional<std::string>(), std::optional<std::string>("b")}) {
+            ASSERT_EQ(store_->ended_since(tenant, now_ - std::chrono::hours(1), 5),
+                      model_.ended_since(tenant, now_ - std::chrono::hours(1), 5));
+        }
+        ASSERT_EQ(store_->backlogs(), model_.backlogs());
         ASSERT_EQ(store_->mean_run_time("a", 7), model_.mean_run_time("a", 7));
         ASSERT_EQ(store_->figures(), model_.figures());
     }
