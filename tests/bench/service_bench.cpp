@@ -4,6 +4,7 @@
 #include <latch>
 #include <memory>
 #include <string>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 #include <vector>
@@ -48,6 +49,36 @@ void tiny_job(benchmark::State& state) {
     }
 }
 BENCHMARK(tiny_job)->Unit(benchmark::kMillisecond)->UseRealTime()->MeasureProcessCPUTime();
+
+/// As many small jobs as a batch has, from several clients at a time, each of which submits,
+/// follows and fetches one after the other.
+void jobs_of_clients(benchmark::State& state) {
+    constexpr int kClients = 8;
+    const auto jobs = static_cast<int>(state.range(0));
+    for (auto _ : state) {
+        TestServer server(kCopy,
+                          [](ServerOptions& options) { options.workforce.workers.workers = 2; });
+        std::vector<std::jthread> clients;
+        for (int i = 0; i < kClients; ++i) {
+            clients.emplace_back([&] {
+                for (int k = 0; k < jobs / kClients; ++k) {
+                    const auto events = server.watch(server.create(fresh_bytes(1'000)).name());
+                    const auto& output = events.back().completed().result().outputs(0);
+                    std::string bytes;
+                    server.download(output.digest().sha256(), 0, 0, &bytes);
+                }
+            });
+        }
+    }
+    state.SetItemsProcessed(state.iterations() * jobs);
+}
+BENCHMARK(jobs_of_clients)
+    ->ArgName("jobs")
+    ->Arg(1000)
+    ->Iterations(1)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->MeasureProcessCPUTime();
 
 void upload(benchmark::State& state) {
     TestServer server(kCopy);
