@@ -128,6 +128,18 @@ google::protobuf::Duration duration_of(double seconds) {
 }
 
 /// Only the last part of a path, whichever system it comes from.
+/// "mm", or nothing if it wasn't said.
+std::string unit_sign(v1::Unit unit) {
+    return unit == v1::UNIT_MILLIMETER   ? "mm"
+           : unit == v1::UNIT_CENTIMETER ? "cm"
+           : unit == v1::UNIT_METER      ? "m"
+                                         : "";
+}
+
+std::string space_name(v1::Space space) {
+    return space == v1::SPACE_LPS ? "LPS" : space == v1::SPACE_RAS ? "RAS" : "";
+}
+
 std::string last_part(const std::string& path) {
     return path.substr(path.find_last_of("/\\") + 1);
 }
@@ -292,6 +304,8 @@ JobRequest to_core(const v1::JobSpec& spec) {
     request.input = {spec.input().digest().sha256(), spec.input().digest().size_bytes()};
     request.input_format = to_core(spec.input().format());
     request.file_name = spec.input().file_name();
+    request.unit = unit_sign(spec.input().frame().unit());
+    request.space = space_name(spec.input().frame().space());
     request.options = to_core(spec.options());
     for (const v1::OutputRequest& output : spec.outputs()) {
         OutputRequest to{to_core(output.format()).value_or(MeshFormat::Stl)};

@@ -71,7 +71,8 @@ Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, const AccessRule
       jobs_(v1::JobService::NewStub(channel)),
       artifacts_(v1::ArtifactService::NewStub(channel)),
       capabilities_(v1::CapabilityService::NewStub(channel)),
-      queue_(*jobs_, calls_) {}
+      summaries_(v1::QueueService::NewStub(channel)),
+      queue_(*jobs_, *summaries_, calls_) {}
 
 Gateway::~Gateway() {
     close();
@@ -95,6 +96,13 @@ void Gateway::add_routes(httplib::Server& server) {
     add_job_routes(server);
     add_artifact_routes(server);
     add_streams(server);
+    server.Get("/api/v1/queue",
+               [this](const httplib::Request& request, httplib::Response& response) {
+                   Call call(calls_, token_of(request));
+                   v1::SummarizeQueueResponse reply;
+                   const auto status = summaries_->SummarizeQueue(call.context(), {}, &reply);
+                   answer(response, status, reply);
+               });
     server.Get("/api/v1/capabilities",
                [this](const httplib::Request& request, httplib::Response& response) {
                    Call call(calls_, token_of(request));

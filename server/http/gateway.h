@@ -9,6 +9,7 @@
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "remesh/v1/capability.grpc.pb.h"
 #include "remesh/v1/job.grpc.pb.h"
+#include "remesh/v1/queue.grpc.pb.h"
 #include "server/http/access.h"
 #include "server/http/call.h"
 #include "server/http/queue_feed.h"
@@ -50,6 +51,7 @@ private:
     std::unique_ptr<v1::JobService::Stub> jobs_;
     std::unique_ptr<v1::ArtifactService::Stub> artifacts_;
     std::unique_ptr<v1::CapabilityService::Stub> capabilities_;
+    std::unique_ptr<v1::QueueService::Stub> summaries_;
     OpenCalls calls_;
     QueueFeed queue_;
     std::atomic<int> streams_{0};

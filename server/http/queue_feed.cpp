@@ -1,6 +1,7 @@
 #include "server/http/queue_feed.h"
 
 #include <chrono>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -12,9 +13,25 @@ namespace {
 constexpr std::chrono::seconds kInterval{1};
 constexpr int kPageSize = 100;
 
+using Jobs = google::protobuf::RepeatedPtrField<v1::Job>;
+
+/// Appends those of `more` that aren't there.
+void add_missing(Jobs& jobs, Jobs& more) {
+    std::set<std::string> known;
+    for (const v1::Job& job : jobs) {
+        known.insert(job.name());
+    }
+    for (v1::Job& job : more) {
+        if (!known.contains(job.name())) {
+            jobs.Add(std::move(job));
+        }
+    }
+}
+
 }  // namespace
 
-QueueFeed::QueueFeed(v1::JobService::Stub& jobs, OpenCalls& calls) : jobs_(jobs), calls_(calls) {
+QueueFeed::QueueFeed(v1::JobService::Stub& jobs, v1::QueueService::Stub& queue, OpenCalls& calls)
+    : jobs_(jobs), queue_(queue), calls_(calls) {
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
@@ -81,7 +98,7 @@ void QueueFeed::run(const std::stop_token& stop) {
                 continue;
             }
             Page& old = found->second.page;
-            if (old.version == 0 || old.json != page.json ||
+            if (old.version == 0 || old.json != page.json || old.summary != page.summary ||
                 old.status.error_code() != page.status.error_code()) {
                 page.version = old.version + 1;
                 old = std::move(page);
@@ -94,21 +111,43 @@ void QueueFeed::run(const std::stop_token& stop) {
 }
 
 QueueFeed::Page QueueFeed::fetch(const std::string& token) {
-    v1::ListJobsRequest request;
-    request.set_page_size(kPageSize);
-    v1::ListJobsResponse reply;
+    v1::ListJobsResponse newest;
+    v1::SummarizeQueueResponse summary;
     Page page;
     try {
-        Call call(calls_, token);
-        page.status = jobs_.ListJobs(call.context(), request, &reply);
+        page.status = list(token, {}, &newest);
+        // In a long queue those that run are older than all that are listed.
+        if (page.status.ok() && !newest.next_page_token().empty()) {
+            v1::ListJobsResponse running;
+            page.status =
+                list(token, {v1::Job::STATE_RUNNING, v1::Job::STATE_CANCELLING}, &running);
+            add_missing(*newest.mutable_jobs(), *running.mutable_jobs());
+        }
+        if (page.status.ok()) {
+            Call call(calls_, token);
+            page.status = queue_.SummarizeQueue(call.context(), {}, &summary);
+        }
     } catch (const ShuttingDown& closed) {
         page.status = grpc::Status(grpc::StatusCode::UNAVAILABLE, closed.what());
     }
-    for (v1::Job& job : *reply.mutable_jobs()) {
+    page.json = page.status.ok() ? to_json(newest) : to_json(page.status);
+    page.summary = to_json(summary);
+    return page;
+}
+
+grpc::Status QueueFeed::list(const std::string& token, std::initializer_list<v1::Job::State> states,
+                             v1::ListJobsResponse* reply) {
+    v1::ListJobsRequest request;
+    request.set_page_size(kPageSize);
+    for (const v1::Job::State state : states) {
+        request.add_states(state);
+    }
+    Call call(calls_, token);
+    const grpc::Status status = jobs_.ListJobs(call.context(), request, reply);
+    for (v1::Job& job : *reply->mutable_jobs()) {
         shorten(job);
     }
-    page.json = page.status.ok() ? to_json(reply) : to_json(page.status);
-    return page;
+    return status;
 }
 
 void shorten(v1::Job& job) {

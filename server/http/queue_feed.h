@@ -2,6 +2,7 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -11,22 +12,24 @@
 #include <thread>
 
 #include "remesh/v1/job.grpc.pb.h"
+#include "remesh/v1/queue.grpc.pb.h"
 #include "server/http/call.h"
 
 namespace remesh::http {
 
-/// The newest jobs of whoever asks, once a second, for any number of watchers at the price of one.
-/// Idle when nobody watches.
+/// The newest jobs of whoever asks, those that run, and the queue in numbers, once a second, for
+/// any number of watchers at the price of one. Idle when nobody watches.
 class QueueFeed {
 public:
     /// What watchers of one credential share.
     struct Page {
-        std::uint64_t version = 0;  ///< Rises with every change of `json`.
+        std::uint64_t version = 0;  ///< Rises with every change of the others.
         std::string json{};         ///< A ListJobsResponse; jobs without histograms and options.
+        std::string summary{};      ///< A SummarizeQueueResponse.
         grpc::Status status{};      ///< Why there is no page.
     };
 
-    QueueFeed(v1::JobService::Stub& jobs, OpenCalls& calls);
+    QueueFeed(v1::JobService::Stub& jobs, v1::QueueService::Stub& queue, OpenCalls& calls);
     QueueFeed(const QueueFeed&) = delete;
     QueueFeed& operator=(const QueueFeed&) = delete;
     ~QueueFeed();
@@ -58,8 +61,12 @@ private:
 
     void run(const std::stop_token& stop);
     [[nodiscard]] Page fetch(const std::string& token);
+    /// The newest jobs, those in some states or all.
+    grpc::Status list(const std::string& token, std::initializer_list<v1::Job::State> states,
+                      v1::ListJobsResponse* reply);
 
     v1::JobService::Stub& jobs_;
+    v1::QueueService::Stub& queue_;
     OpenCalls& calls_;
     mutable std::mutex mutex_;
     std::condition_variable_any changed_;

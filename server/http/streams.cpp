@@ -105,24 +105,25 @@ void Gateway::add_streams(httplib::Server& server) {
             }
             const auto subscription = std::make_shared<QueueFeed::Subscription>(queue_, token);
             const auto version = std::make_shared<std::uint64_t>(0);
-            start_stream(response,
-                         [this, slot, subscription, version](std::size_t, httplib::DataSink& sink) {
-                             const auto page = subscription->next(*version, kHeartbeat);
-                             if (queue_.is_closed()) {
-                                 sink.done();
-                                 return true;
-                             }
-                             if (!page) {
-                                 return write(sink, ": alive\n\n");
-                             }
-                             *version = page->version;
-                             if (!page->status.ok()) {
-                                 write(sink, framed_error(page->json));
-                                 sink.done();
-                                 return true;
-                             }
-                             return write(sink, "event: jobs\ndata: " + page->json + "\n\n");
-                         });
+            start_stream(response, [this, slot, subscription, version](std::size_t,
+                                                                       httplib::DataSink& sink) {
+                const auto page = subscription->next(*version, kHeartbeat);
+                if (queue_.is_closed()) {
+                    sink.done();
+                    return true;
+                }
+                if (!page) {
+                    return write(sink, ": alive\n\n");
+                }
+                *version = page->version;
+                if (!page->status.ok()) {
+                    write(sink, framed_error(page->json));
+                    sink.done();
+                    return true;
+                }
+                return write(sink, "event: jobs\ndata: " + page->json +
+                                       "\n\nevent: summary\ndata: " + page->summary + "\n\n");
+            });
         });
 }
 

@@ -32,6 +32,8 @@ struct JobRequest {
     ArtifactId input{};
     std::optional<MeshFormat> input_format{};  ///< Absent: found from the content and the name.
     std::string file_name{};                   ///< Last part of a path, may be empty.
+    std::string unit{};                        ///< Of lengths, "mm", "cm" or "m"; empty: not said.
+    std::string space{};                       ///< Of coordinates, "LPS" or "RAS"; empty: not said.
     RemeshOptions options{};
     std::vector<OutputRequest> outputs{};
     int priority = 0;                               ///< In [-100, 100].

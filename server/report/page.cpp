@@ -44,15 +44,62 @@ std::string picture(const Facets& facets, const View& view, std::string_view cap
         escaped(caption), base64(draw_png(facets, view, kPictureHeight)));
 }
 
+/// "2.5 mm²", or "2.5" if nobody said what the unit is.
+std::string with_unit(double value, const JobRequest& request, std::string_view power = "") {
+    return number(value) + (request.unit.empty() ? "" : " " + request.unit + std::string(power));
+}
+
+/// What coordinates and lengths mean.
+std::string frame_of(const JobRequest& request) {
+    const std::string lengths =
+        request.unit.empty() ? "Lengths are in the unit of the file, which wasn't said"
+                             : "Lengths are in " + request.unit + ", as was said of the file";
+    const std::string axes =
+        request.space == "LPS"
+            ? "coordinates are LPS: x to the patient's left, y posterior, z superior"
+        : request.space == "RAS"
+            ? "coordinates are RAS: x to the patient's right, y anterior, z superior"
+            : "coordinates are those of the file, whose space wasn't said";
+    return lengths + "; " + axes + ".";
+}
+
+/// "OPEN_BOUNDARY" as "open boundary".
+std::string in_words(std::string code) {
+    std::transform(code.begin(), code.end(), code.begin(), [](char c) {
+        return c == '_' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    });
+    return code;
+}
+
+/// Whether the bounds that were asked for hold; a mesh that breaks one is only a draft.
+void write_bounds(const QualityReport& report, std::ostream& out) {
+    std::string kept;
+    std::string broken;
+    for (const BoundCheck& check : report.bounds) {
+        std::string& list = check.holds ? kept : broken;
+        list +=
+            fmt::format("{}{} is {}, the bound is {}", list.empty() ? "" : "; ",
+                        escaped(in_words(check.name)), number(check.value), number(check.bound));
+    }
+    if (!broken.empty()) {
+        out << "<p class=\"broken\"><b>A draft: it doesn't keep what was asked for.</b> " << broken
+            << ".</p>";
+    }
+    if (!kept.empty()) {
+        out << "<p>Kept, as asked for: " << kept << ".</p>";
+    }
+}
+
 /// The result in two sentences.
-void write_verdict(const QualityReport& report, std::ostream& out) {
+void write_verdict(const QualityReport& report, const JobRequest& request, std::ostream& out) {
     out << "<p class=\"verdict\">"
         << (report.tets ? count(report.tets->tets) + " tetrahedra"
                         : count(report.after.triangles) + " triangles")
-        << " with edges of about " << number(report.edge_length)
-        << ", in the unit of the input. Checked exactly: closed, manifold, free of "
-           "self-intersections"
-        << (report.tets ? ", no inverted tetrahedron" : "") << ".</p>";
+        << " with edges of about " << with_unit(report.edge_length, request)
+        << ". Checked exactly: closed, manifold, free of self-intersections"
+        << (report.tets ? ", no inverted tetrahedron" : "") << ".</p><p class=\"hint\">"
+        << frame_of(request) << "</p>";
+    write_bounds(report, out);
 }
 
 void write_pictures(const PageContent& content, std::ostream& out) {
@@ -175,22 +222,16 @@ void write_convergence(std::span<const ConvergenceSample> samples, std::ostream&
     out << "</section>";
 }
 
-/// "OPEN_BOUNDARY" as "open boundary".
-std::string in_words(std::string code) {
-    std::transform(code.begin(), code.end(), code.begin(), [](char c) {
-        return c == '_' ? ' ' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    });
-    return code;
-}
-
-void write_defects(const QualityReport& report, std::ostream& out) {
+void write_defects(const QualityReport& report, const JobRequest& request, std::ostream& out) {
     out << "<h2>Found and repaired</h2>";
     if (report.defects.empty()) {
         out << "<p>Nothing was wrong with the input.</p>";
         return;
     }
     out << "<table><thead><tr><th>What</th><th class=\"right\">How many</th><th>What was found and "
-           "done</th><th>Where</th></tr></thead><tbody>";
+           "done</th><th>Where: x, y, z"
+        << (request.unit.empty() ? "" : ", " + request.unit)
+        << (request.space.empty() ? "" : ", " + request.space) << "</th></tr></thead><tbody>";
     for (const Defect& defect : report.defects) {
         const std::string at = defect.at
                                    ? fmt::format("{}, {}, {}", number(defect.at->x()),
@@ -211,7 +252,7 @@ void write_row(const std::string& name, const std::string& before, const std::st
         name, before, after, bound);
 }
 
-void write_surface_rows(const QualityReport& report, std::ostream& out) {
+void write_surface_rows(const QualityReport& report, const JobRequest& request, std::ostream& out) {
     const SurfaceQuality& before = report.before;
     const SurfaceQuality& after = report.after;
     // What an open surface encloses is a matter of taste.
@@ -223,30 +264,33 @@ void write_surface_rows(const QualityReport& report, std::ostream& out) {
     write_row("Parts", count(before.components), count(after.components), "", out);
     write_row("Euler characteristic", count(before.euler_characteristic),
               count(after.euler_characteristic), "even: closed, checked exactly", out);
-    write_row("Area", number(before.area), number(after.area), "", out);
-    write_row("Enclosed volume", is_open ? "open" : number(before.volume), number(after.volume), "",
+    write_row("Area", with_unit(before.area, request, "²"), with_unit(after.area, request, "²"), "",
               out);
+    write_row("Enclosed volume", is_open ? "open" : with_unit(before.volume, request, "³"),
+              with_unit(after.volume, request, "³"), "", out);
     write_row("Radius ratio of triangles, mean", ratio(before.radius_ratio.mean),
               ratio(after.radius_ratio.mean), "at most 1", out);
     write_row("Radius ratio of triangles, worst", ratio(before.radius_ratio.min),
               ratio(after.radius_ratio.min), "above 0", out);
     write_row("Angle of triangles, smallest, degrees", number(before.min_angle.min),
               number(after.min_angle.min), "at most 60", out);
-    write_row("Edge length, mean", number(before.edge_length.mean), number(after.edge_length.mean),
-              "about h", out);
+    write_row("Edge length, mean", with_unit(before.edge_length.mean, request),
+              with_unit(after.edge_length.mean, request), "about h", out);
 }
 
-void write_measures(const QualityReport& report, std::ostream& out) {
-    out << "<h2>Measures</h2><p class=\"hint\">Lengths in the units of the input. Before is the "
+void write_measures(const QualityReport& report, const JobRequest& request, std::ostream& out) {
+    out << "<h2>Measures</h2><p class=\"hint\">Before is the "
            "input with equal positions merged and orientation repaired.</p><table><thead><tr>"
            "<th>Measure</th><th class=\"right\">Before</th><th class=\"right\">After</th>"
            "<th>Bound</th></tr></thead><tbody>";
-    write_row("Edge length h, asked for or chosen", "", number(report.edge_length), "", out);
-    write_surface_rows(report, out);
+    write_row("Edge length h, asked for or chosen", "", with_unit(report.edge_length, request), "",
+              out);
+    write_surface_rows(report, request, out);
     if (report.tets) {
         const TetQuality& tets = *report.tets;
         write_row("Tetrahedra", "", count(tets.tets), "none inverted, checked exactly", out);
-        write_row("Volume of the tetrahedra", "", number(tets.volume), "the enclosed volume", out);
+        write_row("Volume of the tetrahedra", "", with_unit(tets.volume, request, "³"),
+                  "the enclosed volume", out);
         write_row("Radius ratio of tetrahedra, mean", "", ratio(tets.radius_ratio.mean),
                   "at most 1", out);
         write_row("Radius ratio of tetrahedra, worst 1 %", "",
@@ -263,9 +307,10 @@ void write_measures(const QualityReport& report, std::ostream& out) {
     write_row("Change of area", "", fmt::format("{:+.2f} %", 100.0 * report.area_change), "", out);
     const auto distances = [&](const std::string& name, const Deviation& deviation) {
         const auto row = [&](const char* which, double value) {
-            write_row(name + ", " + which, "",
-                      fmt::format("{} ({:.2f} h)", number(value), value / report.edge_length), "",
-                      out);
+            write_row(
+                name + ", " + which, "",
+                fmt::format("{} ({:.2f} h)", with_unit(value, request), value / report.edge_length),
+                "", out);
         };
         row("root mean square", deviation.rms);
         row("99 % are nearer", deviation.p99);
@@ -303,6 +348,8 @@ void write_provenance(const PageContent& content, std::ostream& out) {
                             fmt::gmtime(std::chrono::system_clock::to_time_t(content.made))));
     row("Input", content.request.file_name);
     row("Input, SHA-256", content.request.input.sha256);
+    row("Unit of the input", content.request.unit.empty() ? "not said" : content.request.unit);
+    row("Space of the input", content.request.space.empty() ? "not said" : content.request.space);
     for (const JobOutput& file : content.files) {
         row(file.file_name + ", SHA-256", file.artifact.sha256);
     }
@@ -325,11 +372,11 @@ void write_page(const PageContent& content, std::ostream& out) {
         << name << ", remeshed</title><style>" << kStyle << "</style></head><body><main><h1>"
         << name << "</h1><p class=\"hint\">Quality report by remesh " << content.engine_version
         << "</p>";
-    write_verdict(content.result.report, out);
+    write_verdict(content.result.report, content.request, out);
     write_pictures(content, out);
-    write_defects(content.result.report, out);
+    write_defects(content.result.report, content.request, out);
     write_histograms(content.result.report, out);
-    write_measures(content.result.report, out);
+    write_measures(content.result.report, content.request, out);
     write_convergence(content.samples, out);
     write_costs(content.result.report, out);
     write_provenance(content, out);

@@ -6,8 +6,8 @@ namespace remesh::report {
 
 /// Looks of the page, in light and in dark.
 inline constexpr std::string_view kStyle = R"(
-:root{--page:#f6f6f3;--card:#fff;--text:#1b1f23;--muted:#5d656d;--line:#e3e3de;--first:#0b7d73;--second:#c2571a;--third:#6b62b8;--before:#b9bbb4;color-scheme:light dark}
-@media (prefers-color-scheme:dark){:root{--page:#111416;--card:#191d20;--text:#e7e9ea;--muted:#9aa3aa;--line:#2a3035;--first:#4cc3b5;--second:#f0945a;--third:#a79cf0;--before:#59626a}}
+:root{--page:#f6f6f3;--card:#fff;--text:#1b1f23;--muted:#5d656d;--line:#e3e3de;--first:#0b7d73;--second:#c2571a;--third:#6b62b8;--before:#b9bbb4;--bad:#b3261e;color-scheme:light dark}
+@media (prefers-color-scheme:dark){:root{--page:#111416;--card:#191d20;--text:#e7e9ea;--muted:#9aa3aa;--line:#2a3035;--first:#4cc3b5;--second:#f0945a;--third:#a79cf0;--before:#59626a;--bad:#f2857d}}
 @media print{:root{--page:#fff}figure,table{break-inside:avoid}}
 *{box-sizing:border-box}
 html{font:15px/1.5 system-ui,-apple-system,'Segoe UI',Roboto,'DejaVu Sans',sans-serif;font-variant-numeric:tabular-nums;color:var(--text);background:var(--page)}
@@ -33,6 +33,8 @@ rect.before{fill:var(--before)}
 rect.after{fill:var(--first)}
 .mean{stroke:var(--text);stroke-width:1;stroke-dasharray:2 3}
 .verdict{margin-top:8px;font-size:1.05rem}
+.broken{margin:14px 0;padding:12px 16px;border:1px solid var(--bad);border-radius:10px}
+.broken b{color:var(--bad)}
 h3 small{display:block}
 .axis,.grid line.grid,line.grid{stroke:var(--line);stroke-width:1}
 polyline{fill:none;stroke-width:1.6}

@@ -233,6 +233,34 @@ test('a page goes on after the server restarted, and cancels', async () => {
     await assertAccessible('queue');
 });
 
+test('coordinates say what they mean', async () => {
+    const path = await server.submit(aorta, '--edge-length', '5', '--unit', 'mm', '--space', 'lps');
+    await page.goto(server.url + path);
+    await state('succeeded');
+    await page.locator('canvas[data-ready=yes]').waitFor();
+
+    await page.getByText('lengths in mm; h is the edge length, 5 mm').waitFor();
+    await page.getByLabel('Cut along').selectOption('z, to the head');
+    await page.getByLabel('Share that is cut away').fill('0.5');
+    await page.getByText(/^z = −?[\d.,]+ mm$/).waitFor();
+    await page.getByLabel('Colour by').selectOption('edge');
+    await page.getByText('½ h, 2.5 mm').waitFor();
+    const opening = page.waitForEvent('popup');
+    await page.getByRole('link', { name: 'Open report' }).click();
+    await (await opening).getByText('coordinates are LPS').waitFor();
+});
+
+test('a bound that is not met leaves drafts and says so', async () => {
+    const path = await server.submit(aorta, '--edge-length', '5', '--min-dihedral', '60');
+    await page.goto(server.url + path);
+    await state('failed');
+
+    await page.getByText('min_dihedral is').waitFor();
+    await page.getByText('The files are drafts').waitFor();
+    await page.getByRole('link', { name: /aorta.vtu draft, tetrahedra/ }).waitFor();
+    await picture('bound-not-met');
+});
+
 test('a file that is no surface says what is wrong and what helps', async () => {
     const path = await server.submit(join(DATA, 'README.md'), '--format', 'stl', '--input-format', 'stl');
     await page.goto(server.url + path);
@@ -288,6 +316,51 @@ test('who has no token signs in, sees their own, and signs out', async () => {
     }
 });
 
+test('an operator sees how tenants share the server, and no jobs but its own', async () => {
+    const guarded = new TestServer('--auth');
+    try {
+        await guarded.start();
+        const radiology = await guarded.token('--tenant', 'radiology');
+        const operator = await guarded.token('--tenant', 'computing', '--role', 'operator');
+        await guarded.submitAs(await guarded.token('--tenant', 'surgery'), aorta, '--edge-length', '7', '--format', 'stl');
+        const own = await guarded.submitAs(operator, aorta, '--edge-length', '8', '--format', 'ply', '--label', 'mine=yes');
+        await guarded.submitAs(radiology, aorta, '--edge-length', '6', '--format', 'stl');
+        const signIn = async (secret) => {
+            await page.getByLabel('Token').fill(secret);
+            await page.getByRole('button', { name: 'Sign in' }).click();
+        };
+        const numbers = async (tenant) => (await page.locator('.by-tenant tbody tr', { hasText: tenant }).innerText()).split(/\s+/);
+        const jobs = page.locator('.jobs tbody tr');
+
+        await page.goto(guarded.url);
+        await signIn(operator);
+        await page.getByRole('group', { name: 'Show tenants' }).waitFor();
+        for (const tenant of ['computing', 'radiology', 'surgery']) {
+            // Name, running, waiting, longest wait, succeeded.
+            await waitUntil(async () => (await numbers(tenant))[4] === '1', `the job of ${tenant} counts`);
+        }
+        assert.equal(await jobs.count(), 1);
+        assert.ok((await jobs.innerText()).includes('mine: yes'));
+        await assertAccessible('tenants');
+        await page.getByRole('group', { name: 'Show tenants' }).getByText('surgery').click();
+        await page.getByText('An operator sees the numbers of surgery').waitFor();
+        assert.equal(await jobs.count(), 0);
+        assert.match(await page.locator('.throughput').innerText(), /succeeded\s+1/);
+
+        await page.getByRole('button', { name: 'Sign out' }).click();
+        await signIn(radiology);
+        await page.getByRole('link', { name: 'aorta.stl' }).waitFor();
+        assert.equal(await page.getByRole('group', { name: 'Show tenants' }).count(), 0);
+        assert.equal(await page.getByText('surgery').count(), 0);
+        const { tenants } = await (await page.request.get(`${guarded.url}/api/v1/queue`)).json();
+        assert.deepEqual(tenants.map(({ tenant }) => tenant), ['radiology']);
+        await page.goto(guarded.url + own);
+        await page.getByRole('heading', { name: 'No such job' }).waitFor();
+    } finally {
+        await guarded.remove();
+    }
+});
+
 test('a phone shows all of it without scrolling sideways', async () => {
     await page.context().close();
     page = await openPage({ viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true });
@@ -313,4 +386,39 @@ test('nothing from elsewhere is loaded, and other sites are kept out', async () 
     assert.equal(foreign.status(), 403, 'a form of another site has no header of ours');
     const rebound = await page.request.get(server.url, { headers: { Host: 'evil.example' } });
     assert.equal(rebound.status(), 421, 'a name that someone else controls');
+});
+
+test('a long queue shows what runs, what was done, and older jobs when asked', async () => {
+    const done = await server.submit(aorta, '--edge-length', '6', '--format', 'stl');
+    await page.goto(server.url + done);
+    await state('succeeded');
+    const running = await server.submit(aorta, '--edge-length', '0.6', '--format', 'vtu', '--label', 'which=slow');
+    await page.goto(server.url + running);
+    await state('running');
+    const headers = { 'X-Remesh': '1' };
+    const { spec } = await (await page.request.get(`${server.url}/api/v1/${server.nameOf(done)}`)).json();
+    for (let i = 0; i < 100; ++i) {
+        // Equal jobs are answered from the first one's result.
+        await page.request.post(`${server.url}/api/v1/jobs`, { headers, data: { spec } });
+    }
+
+    await page.goto(server.url);
+    await page.getByRole('row').filter({ hasText: 'which: slow' }).getByText('running').waitFor();
+    const rows = page.locator('.jobs tbody tr');
+    assert.equal(await rows.count(), 101, 'the newest, and the one that runs');
+    assert.ok((await rows.first().innerText()).includes('which: slow'), 'it comes first');
+    await page.getByRole('button', { name: 'Show older jobs' }).click();
+    await waitUntil(async () => (await rows.count()) > 103, 'older jobs');
+
+    const canvases = page.locator('.throughput canvas');
+    assert.equal(await canvases.count(), 2);
+    const succeeded = Number(/succeeded\s+(\d+)/.exec(await page.locator('.throughput').innerText())[1]);
+    assert.ok(succeeded > 100, 'all of them count');
+    await page.locator('.throughput summary').click();
+    assert.ok((await page.locator('.throughput tbody tr').count()) >= 1);
+    await assertAccessible('queue-long');
+
+    await page.goto(server.url + running);
+    await page.getByRole('button', { name: 'Cancel' }).click();
+    await state('cancelled');
 });

@@ -75,6 +75,12 @@ export class TestServer {
         return `http://127.0.0.1:${this.http}`;
     }
 
+    /** The API's name of the job of a path on the dashboard. */
+    nameOf(path) {
+        const [, , tenant, id] = path.split('/');
+        return `tenants/${tenant}/jobs/${id}`;
+    }
+
     /** Submits by the command line. \return the job's path on the dashboard */
     async submit(file, ...options) {
         return this.submitAs('', file, ...options);

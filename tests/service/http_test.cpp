@@ -134,11 +134,12 @@ TEST_F(HttpTest, TellsTheQueueAtOnce) {
     std::string text;
     client_->Get("/api/v1/events", [&](const char* data, size_t size) {
         text.append(data, size);
-        return text.find("\n\n") == std::string::npos;
+        return text.find("event: summary") == std::string::npos;
     });
 
     EXPECT_EQ(text.rfind("event: jobs\ndata: {", 0), 0U);
     EXPECT_NE(text.find("STATE_"), std::string::npos);
+    EXPECT_NE(text.find(R"("tenant":"default")"), std::string::npos);
 }
 
 TEST_F(HttpTest, SaysWhatIsWrongAsTheApiDoes) {

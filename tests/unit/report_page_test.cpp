@@ -69,6 +69,47 @@ TEST(ReportPage, NeedsNothingFromElsewhere) {
     EXPECT_EQ(page_of({}, result_of(testing::unit_cube())).find("http"), std::string::npos);
 }
 
+TEST(ReportPage, SaysWhatLengthsAndCoordinatesMean) {
+    JobRequest request;
+    request.unit = "mm";
+    request.space = "LPS";
+    RemeshResult result = result_of(testing::unit_cube());
+    result.report.defects.push_back({"OPEN_BOUNDARY", "an open rim", 1, Vec3(1.0, 2.0, 3.0)});
+
+    const std::string said = page_of(request, result);
+    const std::string unsaid = page_of({}, result);
+
+    EXPECT_NE(said.find("Lengths are in mm, as was said of the file; coordinates are LPS: x to the "
+                        "patient's left"),
+              std::string::npos);
+    EXPECT_NE(said.find("Where: x, y, z, mm, LPS"), std::string::npos);
+    EXPECT_NE(said.find("6 mm²"), std::string::npos);
+    EXPECT_NE(said.find("1 mm³"), std::string::npos);
+    EXPECT_NE(unsaid.find("Lengths are in the unit of the file, which wasn't said; coordinates are "
+                          "those of the file, whose space wasn't said."),
+              std::string::npos);
+    EXPECT_EQ(unsaid.find("mm²"), std::string::npos);
+}
+
+TEST(ReportPage, SaysAtOnceThatABoundIsNotKept) {
+    RemeshResult result = result_of(testing::unit_cube());
+    result.report.bounds = {{"min_dihedral", 60.0, 30.5, false},
+                            {"max_volume_change", 0.1, 0.02, true}};
+
+    const std::string draft = page_of({}, result);
+    result.report.bounds.erase(result.report.bounds.begin());
+    const std::string good = page_of({}, result);
+
+    EXPECT_NE(
+        draft.find("it doesn't keep what was asked for.</b> min dihedral is 30.5, the bound is "
+                   "60.</p>"),
+        std::string::npos);
+    EXPECT_LT(draft.find("it doesn't keep"), draft.find("<img"));
+    EXPECT_EQ(good.find("A draft"), std::string::npos);
+    EXPECT_NE(good.find("Kept, as asked for: max volume change is 0.02, the bound is 0.1."),
+              std::string::npos);
+}
+
 TEST(ReportPage, KeepsHostileNamesAsText) {
     JobRequest request;
     request.file_name = "</title><script>alert('\"&')</script>";

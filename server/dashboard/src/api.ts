@@ -77,12 +77,18 @@ export interface Progress {
     fraction?: number;
 }
 
+/** What coordinates mean. */
+export interface Frame {
+    unit?: string;
+    space?: string;
+}
+
 export interface Job {
     name: string;
     etag?: string;
     state: string;
     spec: {
-        input: { digest: Digest; format?: string; file_name?: string; frame?: { unit?: string; space?: string } };
+        input: { digest: Digest; format?: string; file_name?: string; frame?: Frame };
         options?: object;
         outputs?: { format: string; content?: string }[];
         priority?: number;
@@ -136,6 +142,29 @@ export interface JobEvent {
     warning?: Warning;
     preview?: { digest: Digest; iteration?: number };
     completed?: Job;
+}
+
+/** A tenant's jobs in numbers; lists have one for each interval. */
+export interface TenantSummary {
+    tenant: string;
+    queued?: number;
+    running?: number;
+    oldest_queued_time?: string;
+    succeeded: number[];
+    failed: number[];
+    cancelled: number[];
+    tets: string[];
+}
+
+export interface QueueSummary {
+    tenants: TenantSummary[];
+    start_time: string;
+    own_tenant: string;
+}
+
+export interface JobList {
+    jobs?: Job[];
+    next_page_token?: string;
 }
 
 export interface Capabilities {
@@ -209,6 +238,8 @@ async function call<T>(method: string, path: string, body?: unknown): Promise<T>
 
 export const api = {
     capabilities: () => call<Capabilities>('GET', 'capabilities'),
+    /** Jobs older than those of the page that came with the token. */
+    olderJobs: (pageToken: string) => call<JobList>('GET', `jobs?page_token=${encodeURIComponent(pageToken)}`),
     job: (name: string) => call<Job>('GET', name),
     create: (request: object) => call<Job>('POST', 'jobs', request),
     cancel: (name: string) => call<Job>('POST', `${name}:cancel`),

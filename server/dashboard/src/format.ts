@@ -1,8 +1,42 @@
 // Numbers and times as people read them.
 
+import type { Frame } from './api';
+
 export function count(value: string | number | undefined): string {
     return Number(value ?? 0).toLocaleString('en-US');
 }
+
+/** "1.2 M": short, for axes and sums. */
+export function compact(value: number): string {
+    return value.toLocaleString('en-US', { notation: 'compact', maximumSignificantDigits: 3 }).replace('K', '\u00a0k').replace('M', '\u00a0M');
+}
+
+/** "mm", or empty if nobody said it. */
+export function unitSign(frame: Frame | undefined): string {
+    return { UNIT_MILLIMETER: 'mm', UNIT_CENTIMETER: 'cm', UNIT_METER: 'm' }[frame?.unit ?? ''] ?? '';
+}
+
+/** What lengths are in. */
+export function lengthsIn(frame: Frame | undefined): string {
+    return `lengths in ${unitSign(frame) || 'the unit of the file, which wasn’t said'}`;
+}
+
+/** "LPS", or empty if nobody said it. */
+export function spaceName(frame: Frame | undefined): string {
+    return frame?.space?.startsWith('SPACE_') ? word(frame.space).toUpperCase() : '';
+}
+
+/** Where the axes point to. */
+export function axisNames(frame: Frame | undefined): [string, string, string] {
+    const space = spaceName(frame);
+    return space === 'LPS'
+        ? ['x, to the left', 'y, to the back', 'z, to the head']
+        : space === 'RAS'
+          ? ['x, to the right', 'y, to the front', 'z, to the head']
+          : ['x', 'y', 'z'];
+}
+
+const minus = (text: string) => text.replace('-', '−');
 
 /** About three digits that mean something. */
 export function number(value: number | undefined, digits = 3): string {
@@ -12,9 +46,9 @@ export function number(value: number | undefined, digits = 3): string {
     const size = Math.abs(value);
     if (size !== 0 && (size < 1e-3 || size >= 1e7)) {
         const [mantissa, power] = value.toExponential(digits - 1).split('e');
-        return `${mantissa} × 10${superscript(Number(power))}`;
+        return `${minus(mantissa!)} × 10${superscript(Number(power))}`;
     }
-    return value.toLocaleString('en-US', size >= 1000 ? { maximumFractionDigits: 0 } : { maximumSignificantDigits: digits });
+    return minus(value.toLocaleString('en-US', size >= 1000 ? { maximumFractionDigits: 0 } : { maximumSignificantDigits: digits }));
 }
 
 /** A measure in [0, 1], its digits always as many: columns of them line up. */
@@ -30,13 +64,13 @@ export function superscript(value: number): string {
     return Array.from(String(value), (c) => (c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[Number(c)])).join('');
 }
 
-/** As the first word of a sentence. */
+/** As a sentence; a name that it begins with stays as it is. */
 export function sentence(text: string): string {
-    return text.charAt(0).toUpperCase() + text.slice(1);
+    return /^\w*_/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1);
 }
 
 export function percent(value: number | undefined, digits = 1): string {
-    return value === undefined ? '–' : `${(100 * value).toFixed(digits)} %`;
+    return value === undefined ? '–' : `${minus((100 * value).toFixed(digits))} %`;
 }
 
 export function bytes(value: string | number | undefined): string {
@@ -87,21 +121,20 @@ export function roughly(seconds: number): string {
     return `about ${(seconds / 3600).toFixed(1)} h`;
 }
 
+/** "3 min". */
+export function brief(seconds: number): string {
+    if (seconds < 60) {
+        return `${Math.round(Math.max(0, seconds))} s`;
+    }
+    return seconds < 3600 ? `${Math.round(seconds / 60)} min` : `${Math.round(seconds / 3600)} h`;
+}
+
 export function ago(time: string, now: number): string {
     const seconds = Math.max(0, (now - Date.parse(time)) / 1000);
     if (seconds < 5) {
         return 'just now';
     }
-    if (seconds < 60) {
-        return `${Math.round(seconds)} s ago`;
-    }
-    if (seconds < 3600) {
-        return `${Math.round(seconds / 60)} min ago`;
-    }
-    if (seconds < 86_400) {
-        return `${Math.round(seconds / 3600)} h ago`;
-    }
-    return moment(time).slice(0, 10);
+    return seconds < 86_400 ? `${brief(seconds)} ago` : moment(time).slice(0, 10);
 }
 
 /** "2026-03-01 14:05:09", local, for people of all countries. */

@@ -56,8 +56,8 @@ export function JobPage(props: { name: string }) {
             {job.result?.quality && (
                 <>
                     <Histograms quality={job.result.quality} />
-                    <Defects quality={job.result.quality} />
-                    <Measures quality={job.result.quality} unit={job.spec.input.frame?.unit} />
+                    <Defects quality={job.result.quality} frame={job.spec.input.frame} />
+                    <Measures quality={job.result.quality} frame={job.spec.input.frame} />
                 </>
             )}
             <Made job={job} />
@@ -130,7 +130,7 @@ function Heading(props: { job: Job; link: Link }) {
                     {problem}
                 </p>
             )}
-            <Downloads outputs={(job.result ?? job.failure)?.outputs ?? []} />
+            <Downloads outputs={(job.result ?? job.failure)?.outputs ?? []} areDrafts={Boolean(job.failure)} />
         </>
     );
 }
@@ -141,6 +141,7 @@ const advice: Record<string, string> = {
     UNSUPPORTED: 'Save the surface as STL, PLY, OBJ, OFF, VTP, legacy VTK or GIfTI.',
     UNMESHABLE: 'Is it one closed body, whatever its holes? If so, try a smaller edge length.',
     TOO_LARGE: 'Ask for a larger edge length, or whoever runs the server for more memory.',
+    BOUND_NOT_MET: 'The files are drafts: look where it falls short, then loosen the bound, try another edge length or repair the input.',
     TIMEOUT: 'Ask for a larger edge length or a longer time.',
     STORAGE: 'The server’s disk is full or failing: whoever runs it can tell. Retry then.',
     WORKER_LOST: 'It crashed or ran out of memory more than once. Keep the input and report it.',
@@ -170,7 +171,9 @@ const kindWords: Record<string, string> = {
     KIND_REPORT: 'report, JSON',
 };
 
-function Downloads(props: { outputs: Output[] }) {
+const isMesh = (output: Output) => output.kind === 'KIND_SURFACE' || output.kind === 'KIND_TETRAHEDRA';
+
+function Downloads(props: { outputs: Output[]; areDrafts: boolean }) {
     const page = props.outputs.find((output) => output.kind === 'KIND_REPORT_PAGE');
     const files = props.outputs.filter((output) => output.kind in kindWords);
     if (files.length === 0) {
@@ -190,6 +193,7 @@ function Downloads(props: { outputs: Output[] }) {
                     <a class="button" href={artifactUrl(output.digest, output.file_name ?? 'result')} download>
                         <span>{output.file_name}</span>
                         <small>
+                            {props.areDrafts && isMesh(output) && 'draft, '}
                             {kindWords[output.kind] ?? 'report, page'} · {bytes(output.digest.size_bytes)}
                         </small>
                     </a>

@@ -1,10 +1,13 @@
-import { useEffect, useMemo, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 
-import { signedOut, terminalStates, type Capabilities, type Job } from '../api';
+import { api, signedOut, terminalStates, type Capabilities, type Job, type JobList, type QueueSummary } from '../api';
 import { follow, type Link } from '../follow';
-import { ago, count, duration, fileName, moment, percent, ratio, roughly, sentence, word } from '../format';
+import { ago, brief, count, duration, fileName, moment, percent, ratio, roughly, sentence, word } from '../format';
 import { stageName } from '../job_model';
 import { Bar, LinkState, State } from '../parts/state';
+import { TenantChips, TenantTable } from '../parts/tenants';
+import { Throughput } from '../parts/throughput';
+import { inOrder, total, totalsOf, type Totals } from '../queue_model';
 import { jobPath, navigate } from '../router';
 
 const filters = [
@@ -16,16 +19,21 @@ const filters = [
 ] as const;
 
 export function QueuePage(props: { capabilities: Capabilities | null }) {
-    const { jobs, hasMore, link } = useQueue();
+    const { jobs, summary, hasMore, showOlder, link } = useQueue();
     const [filter, setFilter] = useState(0);
+    const [tenant, setTenant] = useState<string | null>(null);
     const now = useNow();
 
     useEffect(() => {
         document.title = 'Queue · remesh';
     }, []);
 
-    const figures = useMemo(() => figuresOf(jobs ?? [], props.capabilities?.workers ?? 1), [jobs, props.capabilities]);
-    const shown = (jobs ?? []).filter(filters[filter]![1]);
+    const seesOthers = (summary?.tenants.length ?? 0) > 1;
+    const chosen = seesOthers ? tenant : null;
+    const showsOwn = chosen === null || chosen === summary?.own_tenant;
+    const totals = useMemo(() => summary && totalsOf(summary, chosen), [summary, chosen]);
+    const shown = useMemo(() => inOrder((jobs ?? []).filter(filters[filter]![1])), [jobs, filter]);
+    const isEmpty = jobs?.length === 0 && !seesOthers;
 
     return (
         <>
@@ -36,56 +44,74 @@ export function QueuePage(props: { capabilities: Capabilities | null }) {
                     New job
                 </a>
             </div>
-            {jobs && jobs.length === 0 ? (
+            {seesOthers && <TenantChips summary={summary!} chosen={chosen} choose={setTenant} />}
+            {isEmpty ? (
                 <EmptyQueue />
             ) : (
                 <>
-                    <Tiles figures={figures} />
-                    <div class="chips" role="group" aria-label="Show jobs">
-                        {filters.map(([label, matches], index) => (
-                            <button
-                                key={label}
-                                aria-pressed={index === filter}
-                                onClick={() => setFilter(index)}
-                            >
-                                {label} <small>{(jobs ?? []).filter(matches).length}</small>
-                            </button>
-                        ))}
-                    </div>
-                    <div class="card table-card">
-                        <table class="jobs">
-                            <caption class="sr">Jobs, newest first</caption>
-                            <thead>
-                                <tr>
-                                    <th scope="col">Surface</th>
-                                    <th scope="col">State</th>
-                                    <th scope="col">Progress</th>
-                                    <th scope="col" class="right">
-                                        Elements
-                                    </th>
-                                    <th scope="col" class="right">
-                                        Quality
-                                    </th>
-                                    <th scope="col" class="right">
-                                        Time
-                                    </th>
-                                    <th scope="col" class="right">
-                                        Created
-                                    </th>
-                                </tr>
-                            </thead>
-                            <tbody>
-                                {shown.map((job) => (
-                                    <Row key={job.name} job={job} now={now} />
+                    <Tiles totals={totals} workers={props.capabilities?.workers} seconds={showsOwn ? meanSeconds(jobs ?? []) : null} now={now} />
+                    {totals && <Throughput totals={totals} />}
+                    {seesOthers && chosen === null && <TenantTable summary={summary!} now={now} choose={setTenant} />}
+                    {showsOwn ? (
+                        <>
+                            <div class="chips" role="group" aria-label="Show jobs">
+                                {filters.map(([label, matches], index) => (
+                                    <button key={label} aria-pressed={index === filter} onClick={() => setFilter(index)}>
+                                        {label} <small>{`${(jobs ?? []).filter(matches).length}${hasMore ? '+' : ''}`}</small>
+                                    </button>
                                 ))}
-                            </tbody>
-                        </table>
-                        {shown.length === 0 && <p class="nothing">{jobs ? 'No such jobs.' : 'Loading…'}</p>}
-                    </div>
-                    {hasMore && <p class="hint">These are the newest 100. Older ones: remesh list.</p>}
+                                {seesOthers && <span class="hint">of {summary!.own_tenant}, your tenant</span>}
+                            </div>
+                            <JobTable jobs={shown} now={now} nothing={jobs ? 'No such jobs.' : 'Loading…'} />
+                            {hasMore && (
+                                <p class="older">
+                                    <button onClick={showOlder}>Show older jobs</button>
+                                </p>
+                            )}
+                        </>
+                    ) : (
+                        <p class="hint walls">
+                            An operator sees the numbers of {chosen}. Its jobs, files and labels are for those who have its token.
+                        </p>
+                    )}
                 </>
             )}
         </>
+    );
+}
+
+function JobTable(props: { jobs: Job[]; now: number; nothing: string }) {
+    return (
+        <div class="card table-card">
+            <table class="jobs">
+                <caption class="sr">Jobs: those that run, those that wait, those that ended</caption>
+                <thead>
+                    <tr>
+                        <th scope="col">Surface</th>
+                        <th scope="col">State</th>
+                        <th scope="col">Progress</th>
+                        <th scope="col" class="right">
+                            Elements
+                        </th>
+                        <th scope="col" class="right">
+                            Quality
+                        </th>
+                        <th scope="col" class="right">
+                            Time
+                        </th>
+                        <th scope="col" class="right">
+                            Created
+                        </th>
+                    </tr>
+                </thead>
+                <tbody>
+                    {props.jobs.map((job) => (
+                        <Row key={job.name} job={job} now={props.now} />
+                    ))}
+                </tbody>
+            </table>
+            {props.jobs.length === 0 && <p class="nothing">{props.nothing}</p>}
+        </div>
     );
 }
 
@@ -189,52 +215,44 @@ export function startsIn(job: Job, now: number): string {
     return job.estimated_start_time ? roughly(Math.max(0, (Date.parse(job.estimated_start_time) - now) / 1000)) : '';
 }
 
-interface Figures {
-    running: number;
-    waiting: number;
-    workers: number;
-    done: number;
-    lastHour: number;
-    meanSeconds: number | null;
+/** Of the last jobs that were run. */
+function meanSeconds(jobs: Job[]): number | null {
+    const seconds = jobs
+        .filter((job) => job.state === 'STATE_SUCCEEDED' && job.end_time && job.start_time && (job.attempt ?? 0) > 0)
+        .slice(0, 20)
+        .map((job) => (Date.parse(job.end_time!) - Date.parse(job.start_time!)) / 1000);
+    return seconds.length ? total(seconds) / seconds.length : null;
 }
 
-function figuresOf(jobs: Job[], workers: number): Figures {
-    const ended = jobs.filter((job) => job.state === 'STATE_SUCCEEDED' && job.end_time && job.start_time);
-    const recent = ended.slice(0, 20);
-    const seconds = recent.map((job) => (Date.parse(job.end_time!) - Date.parse(job.start_time!)) / 1000);
-    const hourAgo = Date.now() - 3_600_000;
-    return {
-        running: jobs.filter((job) => job.state === 'STATE_RUNNING' || job.state === 'STATE_CANCELLING').length,
-        waiting: jobs.filter((job) => job.state === 'STATE_QUEUED').length,
-        workers,
-        done: ended.length,
-        lastHour: ended.filter((job) => Date.parse(job.end_time!) > hourAgo).length,
-        meanSeconds: seconds.length ? seconds.reduce((a, b) => a + b) / seconds.length : null,
-    };
-}
-
-function Tiles(props: { figures: Figures }) {
-    const { figures } = props;
+function Tiles(props: { totals: Totals | null; workers?: number | undefined; seconds: number | null; now: number }) {
+    const { totals, workers } = props;
+    const failed = totals ? total(totals.failed) : 0;
     return (
         <dl class="tiles">
             <div>
                 <dt>Running</dt>
                 <dd>
-                    {figures.running}
-                    <small> of {figures.workers}</small>
+                    {totals?.running ?? '–'}
+                    {workers !== undefined && <small>{` on ${workers} ${workers === 1 ? 'worker' : 'workers'}`}</small>}
                 </dd>
             </div>
             <div>
                 <dt>Waiting</dt>
-                <dd>{figures.waiting}</dd>
+                <dd>
+                    {totals?.waiting ?? '–'}
+                    {totals?.oldestQueued && <small>{` the oldest ${brief((props.now - totals.oldestQueued) / 1000)}`}</small>}
+                </dd>
             </div>
             <div>
-                <dt>Done in the last hour</dt>
-                <dd>{figures.lastHour}</dd>
+                <dt>Succeeded in the last hour</dt>
+                <dd>
+                    {totals ? total(totals.succeeded) : '–'}
+                    {failed > 0 && <small>{` and ${failed} failed`}</small>}
+                </dd>
             </div>
             <div>
                 <dt>Mean time of a job</dt>
-                <dd>{figures.meanSeconds === null ? '–' : duration(figures.meanSeconds)}</dd>
+                <dd>{props.seconds === null ? '–' : duration(props.seconds)}</dd>
             </div>
         </dl>
     );
@@ -260,27 +278,71 @@ function EmptyQueue() {
     );
 }
 
+/** How often jobs beyond the live page are asked for again while some of them aren't over. */
+const olderEvery = 5_000;
+
 function useQueue() {
-    const [jobs, setJobs] = useState<Job[] | null>(null);
-    const [hasMore, setMore] = useState(false);
+    const [page, setPage] = useState<JobList | null>(null);
+    const [summary, setSummary] = useState<QueueSummary | null>(null);
     const [link, setLink] = useState<Link>('connecting');
     useEffect(
         () =>
             follow({
                 url: () => '/api/v1/events',
                 events: {
-                    jobs: (data) => {
-                        const page = JSON.parse(data);
-                        setJobs(page.jobs ?? []);
-                        setMore(Boolean(page.next_page_token));
-                    },
+                    jobs: (data) => setPage(JSON.parse(data)),
+                    summary: (data) => setSummary(JSON.parse(data)),
                 },
                 onLink: setLink,
                 onRefused: (status) => status === 401 && signedOut(),
             }),
         [],
     );
-    return { jobs, hasMore, link };
+    const { older, hasOlder, showOlder } = useOlder(page);
+    const jobs = useMemo(() => {
+        const names = new Set(page?.jobs?.map((job) => job.name));
+        return page && [...(page.jobs ?? []), ...older.filter((job) => !names.has(job.name))];
+    }, [page, older]);
+    return { jobs, summary, hasMore: hasOlder, showOlder, link };
+}
+
+/** The jobs that come after the page that is live, as many pages of them as were asked for. */
+function useOlder(page: JobList | null) {
+    const [older, setOlder] = useState<Job[]>([]);
+    const [next, setNext] = useState('');
+    const [pages, setPages] = useState(0);
+    const first = useRef('');
+    first.current = page?.next_page_token ?? '';
+    const last = page?.jobs?.at(-1)?.name;
+    useEffect(() => {
+        let timer: ReturnType<typeof setTimeout> | undefined;
+        let isStopped = false;
+        const load = async () => {
+            const jobs: Job[] = [];
+            let token = first.current;
+            for (let i = 0; i < pages && token; ++i) {
+                const list = await api.olderJobs(token);
+                jobs.push(...(list.jobs ?? []));
+                token = list.next_page_token ?? '';
+            }
+            if (!isStopped) {
+                setOlder(jobs);
+                setNext(token);
+                if (jobs.some((job) => !terminalStates.has(job.state))) {
+                    timer = setTimeout(() => load().catch(() => {}), olderEvery);
+                }
+            }
+        };
+        if (pages > 0) {
+            load().catch(() => {}); // A server that is away is told by the live page.
+        }
+        return () => {
+            isStopped = true;
+            clearTimeout(timer);
+        };
+    }, [pages, last]);
+    const hasOlder = pages === 0 ? first.current !== '' : next !== '';
+    return { older, hasOlder, showOlder: () => setPages(pages + 1) };
 }
 
 export function useNow(): number {

@@ -18,6 +18,7 @@ interface Form {
     edgeLength: string;
     tetrahedra: boolean;
     unit: string;
+    space: string;
     formats: string[];
     smoothing: string;
     closeHoles: boolean;
@@ -29,6 +30,7 @@ const defaults: Form = {
     edgeLength: '',
     tetrahedra: true,
     unit: '',
+    space: '',
     formats: ['FORMAT_VTU', 'FORMAT_PLY'],
     smoothing: '',
     closeHoles: true,
@@ -294,6 +296,14 @@ function Options(props: { form: Form; change: (part: Partial<Form>) => void; cap
                         </select>
                     </label>
                     <label>
+                        Space of the coordinates
+                        <select value={form.space} onChange={(event) => change({ space: event.currentTarget.value })}>
+                            <option value="">not said</option>
+                            <option value="SPACE_LPS">LPS, as in DICOM and ITK</option>
+                            <option value="SPACE_RAS">RAS, as in NIfTI and FreeSurfer</option>
+                        </select>
+                    </label>
+                    <label>
                         Note, shown with the job
                         <input
                             maxLength={256}
@@ -334,13 +344,15 @@ function Problem(props: { error: Error }) {
 
 function requestFor(file: File, digest: object, form: Form): object {
     const edgeLength = Number(form.edgeLength);
+    // What isn't said isn't sent: equal jobs shall be equal, whoever sent them.
+    const frame = Object.entries({ unit: form.unit, space: form.space }).filter(([, value]) => value);
     return {
         request_id: randomId(),
         spec: {
             input: {
                 digest,
                 file_name: file.name,
-                ...(form.unit ? { frame: { unit: form.unit } } : {}),
+                ...(frame.length > 0 ? { frame: Object.fromEntries(frame) } : {}),
             },
             options: {
                 ...(form.edgeLength ? { edge_length: edgeLength } : {}),

@@ -3,7 +3,7 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 
 import type { Sample } from '../api';
-import { count, number, ratio, superscript } from '../format';
+import { compact, count, number, ratio, superscript } from '../format';
 import { stageName } from '../job_model';
 import { phasesOf, type Phase } from '../phases';
 import { colour, onThemeChange } from '../theme';
@@ -204,7 +204,8 @@ function optionsOf(plot: Plot, width: number, phases: () => Phase[]): uPlot.Opti
                     stroke: colour(line.ink),
                     width: 1.75,
                     spanGaps: true,
-                    points: { show: Boolean(plot.isQuality), size: 5, fill: colour(line.ink) },
+                    // Few samples, of a run that was over in no time, are shown as such.
+                    points: { show: (chart) => plot.isQuality || chart.data[0].length < 25, size: 5, fill: colour(line.ink) },
                 }),
             ),
         ],
@@ -253,10 +254,6 @@ function power(value: number): string {
         return '';
     }
     return whole === 0 ? '1' : whole === 1 ? '10' : `10${superscript(whole)}`;
-}
-
-function compact(value: number): string {
-    return value.toLocaleString('en-US', { notation: 'compact', maximumSignificantDigits: 3 }).replace('K', ' k').replace('M', ' M');
 }
 
 const longestTable = 100;

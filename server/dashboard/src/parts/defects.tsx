@@ -1,5 +1,5 @@
-import type { Defect, Quality, Warning } from '../api';
-import { count, number } from '../format';
+import type { Defect, Frame, Quality, Warning } from '../api';
+import { count, lengthsIn, number, spaceName, unitSign } from '../format';
 
 const readable = (code: string) => code.toLowerCase().replaceAll('_', ' ');
 
@@ -22,12 +22,14 @@ export function Warnings(props: { warnings: Warning[]; told: Defect[] }) {
 }
 
 /** What was wrong with the input, and what was done about it. */
-export function Defects(props: { quality: Quality }) {
+export function Defects(props: { quality: Quality; frame: Frame | undefined }) {
     const defects = props.quality.defects ?? [];
+    const meaning = [unitSign(props.frame), spaceName(props.frame)].filter(Boolean).join(', ');
     return (
         <section aria-labelledby="defects-title">
             <div class="section-title">
                 <h2 id="defects-title">Found and repaired</h2>
+                {defects.length > 0 && <span class="muted">{lengthsIn(props.frame)}</span>}
             </div>
             {defects.length === 0 ? (
                 <p class="card nothing">Nothing was wrong with this surface.</p>
@@ -40,7 +42,9 @@ export function Defects(props: { quality: Quality }) {
                                 <strong>{readable(defect.code)}</strong>
                                 <p>{defect.description}</p>
                                 {defect.at && defect.at.length === 3 && (
-                                    <small class="muted">at {defect.at.map((x) => number(x, 4)).join(', ')}</small>
+                                    <small class="muted">
+                                        at x, y, z = {defect.at.map((x) => number(x, 4)).join(', ')} {meaning && `(${meaning})`}
+                                    </small>
                                 )}
                             </div>
                         </li>

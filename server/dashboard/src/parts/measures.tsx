@@ -1,5 +1,5 @@
-import type { Deviation, Job, Quality, Summary, SurfaceQuality } from '../api';
-import { count, moment, number, percent, ratio, word } from '../format';
+import type { Deviation, Frame, Job, Quality, Summary, SurfaceQuality } from '../api';
+import { count, lengthsIn, moment, number, percent, ratio, spaceName, unitSign, word } from '../format';
 import { jobPath } from '../router';
 
 interface Table {
@@ -8,18 +8,17 @@ interface Table {
     rows: [name: string, ...values: string[]][];
 }
 
-const unitSigns: Record<string, string> = { UNIT_MILLIMETER: 'mm', UNIT_CENTIMETER: 'cm', UNIT_METER: 'm' };
 const degrees = (value: number | undefined) => `${number(value ?? 0)}°`;
 
 /** The measures of the paper and the ones that solvers ask for. */
-export function Measures(props: { quality: Quality; unit?: string }) {
-    const sign = unitSigns[props.unit ?? ''] ?? '';
+export function Measures(props: { quality: Quality; frame: Frame | undefined }) {
+    const sign = unitSign(props.frame);
     return (
         <section aria-labelledby="measures-title">
             <div class="section-title">
                 <h2 id="measures-title">Measures</h2>
                 <span class="muted">
-                    {sign ? '' : 'lengths in the units of the input; '}h is the edge length, {lengthOf(props.quality.edge_length, sign)}
+                    {lengthsIn(props.frame)}; h is the edge length, {lengthOf(props.quality.edge_length, sign)}
                 </span>
             </div>
             <div class="measures">
@@ -154,7 +153,7 @@ export function Made(props: { job: Job }) {
         ['Created', moment(job.create_time)],
         ['Input, SHA-256', job.spec.input.digest?.sha256 ?? ''],
         ['Unit of the input', word(job.spec.input.frame?.unit).replace('meter', 'metre') || 'not said'],
-        ['Patient space', word(job.spec.input.frame?.space).toUpperCase() || 'not said'],
+        ['Space of the input', spaceName(job.spec.input.frame) || 'not said'],
     ];
     if (job.origin) {
         rows.push(['Repeats', job.origin]);

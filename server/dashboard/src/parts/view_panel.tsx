@@ -1,14 +1,14 @@
 import type { ComponentChildren } from 'preact';
-import { useEffect, useReducer, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useReducer, useRef, useState } from 'preact/hooks';
 
 import { fetchArtifact, type Digest, type Job } from '../api';
-import { count } from '../format';
+import { axisNames, count, number, unitSign } from '../format';
 import type { JobModel } from '../job_model';
 import { onThemeChange } from '../theme';
 import { gradientOf, type Measure } from '../view/colours';
-import type { Mesh } from '../view/mesh';
+import { cutOf, type Clip, type Mesh } from '../view/mesh';
 import { readPly, readStl, readVtu, unzipped, Unreadable } from '../view/read';
-import type { Clip, Content, Scene } from '../view/scene';
+import type { Content, Scene } from '../view/scene';
 
 type InputKind = 'stl' | 'ply' | null;
 type Source = 'input' | 'live' | 'result' | 'tets';
@@ -48,6 +48,8 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
     const [measure, setMeasure] = useState<Measure>('quality');
     const [clip, setClip] = useState<Clip>({ axis: 1, share: 0 });
     const [hasEdges, setEdges] = useState(true);
+    const frame = job.spec.input.frame;
+    const sign = unitSign(frame);
     const h = job.result?.quality?.edge_length ?? null;
 
     const digest =
@@ -62,6 +64,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
     // The triangles of a thinned-out view aren't those of the mesh.
     const isThinned = source === 'live' && content?.kind === 'surface' && isThinnerThan(content.mesh, model);
     const shownMeasure = isThinned ? 'plain' : measure;
+    const cutAt = useMemo(() => (content && clip.share > 0 ? cutOf(content.mesh.positions, clip) : null), [content, clip]);
 
     return (
         <section class="card view" aria-labelledby="view-title">
@@ -107,7 +110,11 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                         ))}
                     </select>
                 </label>
-                <Scale measure={content?.kind === 'particles' ? 'plain' : shownMeasure} />
+                <Scale
+                    measure={content?.kind === 'particles' ? 'plain' : shownMeasure}
+                    h={source === 'input' ? null : h}
+                    sign={sign}
+                />
                 <span class="cut">
                     <label>
                         Cut along
@@ -115,9 +122,11 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                             value={clip.axis}
                             onChange={(event) => setClip({ ...clip, axis: Number(event.currentTarget.value) as 0 | 1 | 2 })}
                         >
-                            <option value={0}>x</option>
-                            <option value={1}>y</option>
-                            <option value={2}>z</option>
+                            {axisNames(frame).map((name, axis) => (
+                                <option key={name} value={axis}>
+                                    {name}
+                                </option>
+                            ))}
                         </select>
                     </label>
                     <label class="slider">
@@ -131,6 +140,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                             onInput={(event) => setClip({ ...clip, share: Number(event.currentTarget.value) })}
                         />
                     </label>
+                    <output>{cutAt === null ? 'whole' : `${'xyz'[clip.axis]} = ${number(cutAt)}${sign && ` ${sign}`}`}</output>
                 </span>
                 <label class="check">
                     <input type="checkbox" checked={hasEdges} onChange={(event) => setEdges(event.currentTarget.checked)} />
@@ -165,11 +175,14 @@ function waiting(job: Job, source: Source | undefined): string {
     return job.state === 'STATE_QUEUED' || job.state === 'STATE_RUNNING' ? 'The first view comes while it runs.' : 'There is no view of this job.';
 }
 
-function Scale(props: { measure: Measure }) {
+function Scale(props: { measure: Measure; h: number | null; sign: string }) {
     if (props.measure === 'plain') {
         return null;
     }
-    const [low, high] = props.measure === 'quality' ? ['0 degenerate', '1 regular'] : ['½ h', '1½ h'];
+    // Where h isn't known, edges are compared with the middle one.
+    const edge = (name: string, factor: number) =>
+        props.h ? `${name} h, ${number(factor * props.h)}${props.sign && ` ${props.sign}`}` : `${name} × median`;
+    const [low, high] = props.measure === 'quality' ? ['0 degenerate', '1 regular'] : [edge('½', 0.5), edge('1½', 1.5)];
     return (
         <span class="scale">
             <small>{low}</small>

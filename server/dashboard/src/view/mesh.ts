@@ -93,6 +93,37 @@ function radiusRatio(p: [Point, Point, Point, Point]): number {
 }
 
 /** Faces seen once a tet is hidden: those that belong to exactly one shown tet. */
+export interface Clip {
+    axis: 0 | 1 | 2;
+    /** Share of the box that is cut away, in [0, 1]; 0 cuts nothing. */
+    share: number;
+}
+
+/** The end of each axis that is nearer to the eye at first: from there it's cut away. */
+export const cutFrom = [1, -1, 1] as const;
+
+/** The corners of the box around what is finite. */
+export function boxOf(positions: Float32Array): { low: Point; high: Point } {
+    const low: Point = [Infinity, Infinity, Infinity];
+    const high: Point = [-Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < positions.length; i += 3) {
+        if (Number.isFinite(positions[i]! + positions[i + 1]! + positions[i + 2]!)) {
+            for (let n = 0; n < 3; ++n) {
+                low[n] = Math.min(low[n]!, positions[i + n]!);
+                high[n] = Math.max(high[n]!, positions[i + n]!);
+            }
+        }
+    }
+    return { low, high };
+}
+
+/** Where the axis is cut, model units. */
+export function cutOf(positions: Float32Array, clip: Clip): number {
+    const { low, high } = boxOf(positions);
+    const depth = clip.share * (high[clip.axis] - low[clip.axis]);
+    return cutFrom[clip.axis] > 0 ? high[clip.axis] - depth : low[clip.axis] + depth;
+}
+
 export class TetFaces {
     private readonly neighbours: Int32Array; // #T by 4, across the face opposite of the corner; -1 outside
 

@@ -25,18 +25,12 @@ import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 
 import { colour } from '../theme';
 import { colourAt, median, type Measure } from './colours';
-import { TetFaces, tetEdge, tetQuality, triangleEdge, triangleQuality, type Mesh, type TetMesh } from './mesh';
+import { boxOf, cutFrom, cutOf, TetFaces, tetEdge, tetQuality, triangleEdge, triangleQuality, type Clip, type Mesh, type TetMesh } from './mesh';
 
 export type Content =
     | { kind: 'surface'; mesh: Mesh }
     | { kind: 'particles'; mesh: Mesh; ghost: Mesh | null }
     | { kind: 'tets'; mesh: TetMesh };
-
-export interface Clip {
-    axis: 0 | 1 | 2;
-    /** Share of the box that is cut away, in [0, 1]; 0 cuts nothing. */
-    share: number;
-}
 
 interface Values {
     quality: Float32Array;
@@ -46,8 +40,6 @@ interface Values {
 const turnStep = Math.PI / 24;
 /** Corners whose triangle leans further than this from the mean stay sharp, as those of a box do. */
 const cosOfSharp = Math.cos((40 * Math.PI) / 180);
-/** The end of each axis that is nearer to the eye at first: from there it's cut away. */
-const cutFrom = [1, -1, 1] as const;
 
 export class Scene {
     private readonly renderer: WebGLRenderer;
@@ -59,6 +51,8 @@ export class Scene {
     private readonly plane = new Plane(new Vector3(-1, 0, 0), 0);
     private content: Content | null = null;
     private faces: TetFaces | null = null;
+    /** Triangles of the whole boundary of the tets. */
+    private whole: Uint32Array | null = null;
     private values: Values | null = null;
     private measure: Measure = 'quality';
     private clip: Clip = { axis: 1, share: 0 };
@@ -96,6 +90,7 @@ export class Scene {
         this.content = content;
         this.hasRoundings = hasRoundings;
         this.faces = null;
+        this.whole = null;
         this.values = null;
         if (content.kind === 'tets') {
             this.values = { quality: tetQuality(content.mesh), edge: tetEdge(content.mesh) };
@@ -204,23 +199,9 @@ export class Scene {
         });
     }
 
-    private box(): { low: Vector3; high: Vector3 } {
-        const positions = this.content!.mesh.positions;
-        const low = new Vector3(Infinity, Infinity, Infinity);
-        const high = new Vector3(-Infinity, -Infinity, -Infinity);
-        const point = new Vector3();
-        for (let i = 0; i < positions.length; i += 3) {
-            point.set(positions[i]!, positions[i + 1]!, positions[i + 2]!);
-            if (Number.isFinite(point.x + point.y + point.z)) {
-                low.min(point);
-                high.max(point);
-            }
-        }
-        return { low, high };
-    }
-
     private bounds() {
-        const { low, high } = this.box();
+        const box = boxOf(this.content!.mesh.positions);
+        const [low, high] = [new Vector3(...box.low), new Vector3(...box.high)];
         const centre = low.clone().add(high).multiplyScalar(0.5);
         return { centre, radius: Math.max(1e-9, high.distanceTo(low) / 2) };
     }
@@ -240,18 +221,18 @@ export class Scene {
             return;
         }
         this.clear();
-        const { low, high } = this.box();
         const axis = (['x', 'y', 'z'] as const)[this.clip.axis];
         const side = cutFrom[this.clip.axis];
-        const depth = this.clip.share * (high[axis] - low[axis]);
-        const limit = side * (side > 0 ? high[axis] - depth : low[axis] + depth);
+        const limit = side * cutOf(this.content.mesh.positions, this.clip);
         this.plane.normal.set(0, 0, 0);
         this.plane.normal[axis] = -side;
         this.plane.constant = limit;
         if (this.content.kind === 'tets') {
             this.addTets(this.content.mesh, limit);
+            this.addGhost(this.content.mesh.positions, (this.whole ??= this.faces!.boundary(() => true).triangles));
         } else if (this.content.kind === 'surface') {
             this.addSurface(this.content.mesh.positions, this.content.mesh.triangles, (t) => t, this.clip.share > 0);
+            this.addGhost(this.content.mesh.positions, this.content.mesh.triangles);
         } else {
             this.addParticles(this.content);
         }
@@ -324,6 +305,25 @@ export class Scene {
             });
             this.contents.add(new Drawn(geometry, lines));
         }
+    }
+
+    /** What is cut away, as a shade of what it was: one sees which half is left. */
+    private addGhost(positions: Float32Array, triangles: Uint32Array) {
+        if (this.clip.share === 0) {
+            return;
+        }
+        const geometry = new BufferGeometry();
+        geometry.setAttribute('position', new BufferAttribute(positions, 3));
+        geometry.setIndex(new BufferAttribute(triangles, 1));
+        const material = new MeshBasicMaterial({
+            color: colour('muted'),
+            transparent: true,
+            opacity: 0.1,
+            depthWrite: false,
+            fog: false,
+            clippingPlanes: [this.plane.clone().negate()],
+        });
+        this.contents.add(new Drawn(geometry, material));
     }
 
     private addParticles(content: { mesh: Mesh; ghost: Mesh | null }) {
