@@ -5,10 +5,12 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
 #include "core/estimate.h"
+#include "core/image/read_image.h"
 #include "core/io/mesh_io.h"
 #include "core/pipeline.h"
 #include "core/run_context.h"
@@ -27,16 +29,39 @@ struct OutputRequest {
     OutputContent content = OutputContent::Automatic;
 };
 
+/// An image of sizes that is an input, too.
+struct SizeImageRequest {
+    ArtifactId artifact{};
+    std::optional<ImageFormat> format{};  ///< Absent: found from the content.
+    SurfaceFrame frame{};                 ///< Of the surface.
+};
+
+/// Bytes of a job's input files.
+struct JobFiles {
+    std::string_view surface{};
+    std::string_view size_image{};  ///< Empty unless the request has one.
+};
+
 /// What a client asked for, as far as a worker needs to know.
 struct JobRequest {
     ArtifactId input{};
     std::optional<MeshFormat> input_format{};  ///< Absent: found from the content and the name.
     std::string file_name{};                   ///< Last part of a path, may be empty.
+    std::optional<SizeImageRequest> size_image{};
     RemeshOptions options{};
     std::vector<OutputRequest> outputs{};
     int priority = 0;                               ///< In [-100, 100].
     std::optional<std::chrono::seconds> timeout{};  ///< Absent: the server's limit.
     bool skip_cache = false;                        ///< Run it even if its result is there.
+
+    /// Digests of all files that it needs.
+    [[nodiscard]] std::vector<std::string> inputs() const {
+        std::vector<std::string> digests{input.sha256};
+        if (size_image) {
+            digests.push_back(size_image->artifact.sha256);
+        }
+        return digests;
+    }
 };
 
 /// What a run is likely to need; see core/estimate.h.
