@@ -19,10 +19,14 @@ std::string random_id() {
     return fmt::format("{:02x}", fmt::join(bytes, ""));
 }
 
-v1::CreateJobRequest request_for(Connection& connection, const InputFile& file, v1::JobSpec spec) {
-    upload(connection, file);
-    *spec.mutable_input()->mutable_digest() = file.digest();
-    spec.mutable_input()->set_file_name(file.name());
+v1::CreateJobRequest request_for(Connection& connection, const JobFiles& files, v1::JobSpec spec) {
+    upload(connection, files.surface);
+    *spec.mutable_input()->mutable_digest() = files.surface.digest();
+    spec.mutable_input()->set_file_name(files.surface.name());
+    if (files.size_image != nullptr) {
+        upload(connection, *files.size_image);
+        *spec.mutable_size_image()->mutable_digest() = files.size_image->digest();
+    }
     v1::CreateJobRequest request;
     *request.mutable_spec() = std::move(spec);
     return request;
@@ -30,14 +34,14 @@ v1::CreateJobRequest request_for(Connection& connection, const InputFile& file, 
 
 }  // namespace
 
-v1::Job create_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
-    v1::CreateJobRequest request = request_for(connection, file, std::move(spec));
+v1::Job create_job(Connection& connection, const JobFiles& files, v1::JobSpec spec) {
+    v1::CreateJobRequest request = request_for(connection, files, std::move(spec));
     request.set_request_id(random_id());
     return connection.create_job(request);
 }
 
-v1::Job estimate_job(Connection& connection, const InputFile& file, v1::JobSpec spec) {
-    v1::CreateJobRequest request = request_for(connection, file, std::move(spec));
+v1::Job estimate_job(Connection& connection, const JobFiles& files, v1::JobSpec spec) {
+    v1::CreateJobRequest request = request_for(connection, files, std::move(spec));
     request.set_validate_only(true);
     return connection.create_job(request);
 }

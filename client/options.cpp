@@ -68,9 +68,10 @@ void add_mesh_options(CLI::App& command, v1::JobSpec& spec) {
     add_choice<v1::Unit>(
         command, "--unit",
         {{"mm", v1::UNIT_MILLIMETER}, {"cm", v1::UNIT_CENTIMETER}, {"m", v1::UNIT_METER}},
-        "Unit of the coordinates, carried along", [&](v1::Unit x) { frame.set_unit(x); });
+        "Unit of the coordinates, carried along; scales a size image",
+        [&](v1::Unit x) { frame.set_unit(x); });
     add_choice<v1::Space>(command, "--space", {{"lps", v1::SPACE_LPS}, {"ras", v1::SPACE_RAS}},
-                          "Space of the coordinates, carried along",
+                          "Space of the coordinates, carried along; where a size image lies",
                           [&](v1::Space x) { frame.set_space(x); });
 }
 
@@ -204,11 +205,20 @@ void add_job_arguments(CLI::App& command, JobArguments& arguments) {
     add_file_options(command, arguments);
     add_mesh_options(command, spec);
     add_sizing_options(command, *spec.mutable_options()->mutable_sizing());
+    add_value<std::string>(command, "--size-image", "FILE",
+                           "Edge lengths in mm as an image: NIfTI, NRRD or MetaImage, placed by "
+                           "--space and --unit",
+                           [&](const std::string& path) { arguments.size_image = path; });
     add_repair_options(command, *spec.mutable_options());
     add_relaxation_options(command, *spec.mutable_options());
     add_improvement_options(command, *spec.mutable_options());
     add_queue_options(command, arguments);
     command.option_defaults()->group("Options");
+}
+
+std::optional<InputFile> open_size_image(const JobArguments& arguments) {
+    return arguments.size_image.empty() ? std::nullopt
+                                        : std::optional<InputFile>(arguments.size_image);
 }
 
 }  // namespace remesh::client

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/stages/sizing/image.h"
+
 namespace remesh {
 namespace {
 
@@ -19,6 +21,7 @@ constexpr double kBaseBytes = 32.0 * (1 << 20);
 constexpr double kBytesPerTet = 170.0;
 constexpr double kBytesPerSurfaceTriangle = 300.0;
 constexpr double kBytesPerInputTriangle = 600.0;
+constexpr double kBytesPerVoxel = 12.0;  // Of a size image, while it's read.
 // Nobody has the memory for more, and it still fits a 64-bit number of bytes.
 constexpr double kMostTets = 1.0e15;
 
@@ -41,15 +44,28 @@ Extent extent_of(const SurfaceMesh& mesh) {
     return extent;
 }
 
+/// Cubes of edge h a volume. Of what may make h vary only an image is looked at.
+double density_of(const SurfaceMesh& input, const RemeshOptions& options, double h) {
+    const SizingOptions& sizing = options.sizing;
+    if (!sizing.image) {
+        return 1.0 / (h * h * h);
+    }
+    require_overlap(*sizing.image, input);
+    const double h_max = sizing.max_size.value_or(h);
+    return mean_density(*sizing.image, bounding_box(input.vertices), min_size_of(sizing, h), h_max);
+}
+
 }  // namespace
 
 RunEstimate estimate_run(const SurfaceMesh& input, const RemeshOptions& options) {
     const double h = options.edge_length ? *options.edge_length : suggest_edge_length(input);
     const Extent extent = extent_of(input);
+    const double voxels =
+        options.sizing.image ? static_cast<double>(options.sizing.image->sizes.size()) : 0.0;
     const double input_triangles = static_cast<double>(input.triangles.size());
-    const double surface = kTrianglesPerSquare * extent.area / (h * h);
-    const double tets =
-        std::min(kMostTets, kTetsPerCube * extent.volume / (h * h * h) + 2.0 * surface);
+    const double density = density_of(input, options, h);
+    const double surface = kTrianglesPerSquare * extent.area * std::pow(density, 2.0 / 3.0);
+    const double tets = std::min(kMostTets, kTetsPerCube * extent.volume * density + 2.0 * surface);
 
     RunEstimate estimate;
     estimate.tets = static_cast<std::int64_t>(tets);
@@ -57,7 +73,7 @@ RunEstimate estimate_run(const SurfaceMesh& input, const RemeshOptions& options)
                            kSecondsPerInputTriangle * input_triangles;
     estimate.memory_bytes = static_cast<std::int64_t>(
         kBaseBytes + kBytesPerTet * tets + kBytesPerSurfaceTriangle * std::min(kMostTets, surface) +
-        kBytesPerInputTriangle * input_triangles);
+        kBytesPerInputTriangle * input_triangles + kBytesPerVoxel * voxels);
     return estimate;
 }
 

@@ -15,8 +15,9 @@ struct RunEstimate {
     std::int64_t memory_bytes = 0;  ///< Peak of the process.
 };
 
-/// Estimates from volume, area and edge length alone; takes a small part of the run's time.
-/// \throws Error{InvalidInput} if nothing with area is there
+/// Estimates from volume, area, edge length and size image alone; takes a small part of the run's
+/// time.
+/// \throws Error{InvalidInput} if nothing with area is there, or a size image lies elsewhere
 RunEstimate estimate_run(const SurfaceMesh& input, const RemeshOptions& options);
 
 }  // namespace remesh

@@ -13,9 +13,9 @@ namespace remesh {
 /// \throws Error as read_surface does, or StatusError
 using Inspector = std::function<v1::Inspection(std::string_view bytes, const std::string& hint)>;
 
-/// Tells what a job of this spec, a serialized v1::JobSpec, needs with the bytes as its input.
-/// \throws Error as read_surface does
-using Estimator = std::function<JobEstimate(std::string_view spec, std::string_view bytes)>;
+/// Tells what a job of this spec, a serialized v1::JobSpec, needs with these inputs.
+/// \throws Error as read_surface and read_size_image do
+using Estimator = std::function<JobEstimate(std::string_view spec, const JobFiles& inputs)>;
 
 /// Looks by itself, bounded in the file's size and in triangles.
 [[nodiscard]] v1::Inspection inspect_surface(std::string_view bytes, const std::string& hint);

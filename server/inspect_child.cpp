@@ -27,6 +27,7 @@ namespace {
 
 constexpr rlim_t kMaxMemory = rlim_t{6} << 30U;
 constexpr rlim_t kMaxSeconds = 60;
+constexpr rlim_t kMaxFile = rlim_t{3} << 29U;  // Images are files in memory while they are read.
 
 // What the child writes: one of these, and what belongs to it.
 constexpr char kAnswered = 'a';  // the answer
@@ -149,7 +150,7 @@ int answer(const std::function<std::string(std::string_view question)>& think) {
     limit(RLIMIT_AS, kMaxMemory);
     limit(RLIMIT_CPU, kMaxSeconds);
     limit(RLIMIT_CORE, 0);
-    limit(RLIMIT_FSIZE, 0);
+    limit(RLIMIT_FSIZE, kMaxFile);
     const auto fail = [](ErrorCode code, const std::string& message) {
         std::cout << kFailed << static_cast<int>(code) << message << std::flush;
         return EXIT_FAILURE;
@@ -177,6 +178,14 @@ T read_value(std::string_view& bytes) {
     return value;
 }
 
+/// Bytes after their number.
+std::string_view read_piece(std::string_view& bytes) {
+    const auto size = read_value<std::uint64_t>(bytes);
+    const std::string_view piece = bytes.substr(0, size);
+    bytes.remove_prefix(piece.size());
+    return piece;
+}
+
 template <typename T>
 std::string_view bytes_of(const T& value) {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -196,9 +205,12 @@ Inspector inspector_in_child(const std::string& program) {
 }
 
 Estimator estimator_in_child(const std::string& program) {
-    return [program](std::string_view spec, std::string_view bytes) {
+    return [program](std::string_view spec, const JobFiles& inputs) {
         const std::uint64_t size = spec.size();
-        const std::string said = ask({program, "estimate-stdin"}, {bytes_of(size), spec, bytes});
+        const std::uint64_t surface_size = inputs.surface.size();
+        const std::string said =
+            ask({program, "estimate-stdin"},
+                {bytes_of(size), spec, bytes_of(surface_size), inputs.surface, inputs.size_image});
         std::string_view rest = said;
         return read_value<JobEstimate>(rest);
     };
@@ -212,10 +224,10 @@ int serve_inspection(const std::string& hint) {
 
 int serve_estimate(const Engine& engine) {
     return answer([&](std::string_view question) {
-        const auto size = read_value<std::uint64_t>(question);
-        const std::string_view spec = question.substr(0, size);
-        question.remove_prefix(spec.size());
-        const JobEstimate estimate = engine.estimate(ProtoCodec().decode_spec(spec), question);
+        const std::string_view spec = read_piece(question);
+        const std::string_view surface = read_piece(question);
+        const JobEstimate estimate =
+            engine.estimate(ProtoCodec().decode_spec(spec), {surface, question});
         return std::string(bytes_of(estimate));
     });
 }

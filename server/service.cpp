@@ -52,18 +52,25 @@ JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifac
       inspections_(inspections),
       page_tokens_(gate.key_for("pages")) {}
 
+void JobService::complete(v1::Digest& digest, const std::string& tenant,
+                          const std::string& field) const {
+    if (const auto known = artifacts_.find(tenant, digest.sha256())) {
+        if (digest.size_bytes() != 0 && digest.size_bytes() != known->size) {
+            refuse(field + ".size_bytes",
+                   "must be that of the artifact, got " + std::to_string(digest.size_bytes()));
+        }
+        digest.set_size_bytes(known->size);
+    }
+}
+
 v1::Job JobService::create(const std::string& tenant, const v1::CreateJobRequest& request) {
     check_request_id(request.request_id());
     require_own(tenant, request.parent());
     JobRegistry::Submission submission{tenant, request.request_id(), {}, request.validate_only()};
     v1::JobSpec spec = request.spec();
-    auto* digest = spec.mutable_input()->mutable_digest();
-    if (const auto known = artifacts_.find(submission.tenant, digest->sha256())) {
-        if (digest->size_bytes() != 0 && digest->size_bytes() != known->size) {
-            refuse("spec.input.digest.size_bytes",
-                   "must be that of the artifact, got " + std::to_string(digest->size_bytes()));
-        }
-        digest->set_size_bytes(known->size);
+    complete(*spec.mutable_input()->mutable_digest(), tenant, "spec.input.digest");
+    if (spec.has_size_image()) {
+        complete(*spec.mutable_size_image()->mutable_digest(), tenant, "spec.size_image.digest");
     }
     submission.spec = canonical_spec(spec);
     try {

@@ -42,6 +42,8 @@ public:
                                         v1::DeleteJobResponse* reply) override;
 
 private:
+    /// Fills in the size of an artifact, so that equal specs have equal bytes.
+    void complete(v1::Digest& digest, const std::string& tenant, const std::string& field) const;
     v1::Job create(const std::string& tenant, const v1::CreateJobRequest& request);
     v1::ListJobsResponse list(const std::string& tenant, const v1::ListJobsRequest& request);
 

@@ -4,19 +4,18 @@
 
 #include <cstdio>
 
-#include "client/create_job.h"
 #include "client/json.h"
 #include "client/tables.h"
 #include "client/text.h"
 
 namespace remesh::client {
 
-void tell_estimate(const InputFile& file, const v1::JobSpec& spec, Connection& server,
+void tell_estimate(const JobFiles& files, const v1::JobSpec& spec, Connection& server,
                    const Settings& settings) {
-    const v1::Job job = estimate_job(server, file, spec);
+    const v1::Job job = estimate_job(server, files, spec);
     fmt::print("{}", settings.json
                          ? json_line(job) + "\n"
-                         : estimate_card(sanitised(file.path().string()), job.estimate()));
+                         : estimate_card(sanitised(files.surface.path().string()), job.estimate()));
     std::fflush(stdout);
 }
 

@@ -1,12 +1,12 @@
 #pragma once
 
+#include "client/create_job.h"
 #include "client/session.h"
-#include "client/transfer.h"
 
 namespace remesh::client {
 
-/// Has the server check a job of `file`, and prints what it would need.
-void tell_estimate(const InputFile& file, const v1::JobSpec& spec, Connection& server,
+/// Has the server check a job of these files, and prints what it would need.
+void tell_estimate(const JobFiles& files, const v1::JobSpec& spec, Connection& server,
                    const Settings& settings);
 
 }  // namespace remesh::client

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -106,9 +107,10 @@ v1::JobSpec spec_for(const RunArguments& arguments, const Task& task) {
 }
 
 /// The server makes jobs, whatever one of a batch is worth: a refusal becomes that job's failure.
-void start(Task& task, const RunArguments& arguments, Connection& server) {
+void start(Task& task, const RunArguments& arguments, const InputFile* size_image,
+           Connection& server) {
     try {
-        task.job = create_job(server, task.file, spec_for(arguments, task));
+        task.job = create_job(server, {task.file, size_image}, spec_for(arguments, task));
     } catch (const Failure& failure) {
         if (!is_batch(arguments) || failure.code() != ExitCode::BadInput) {
             throw;
@@ -233,9 +235,10 @@ void tell(const Task& task, const RunArguments& arguments, const Session& sessio
     throw Failure(ExitCode::Interrupted, "interrupted, and the job was cancelled");
 }
 
-ExitCode run_tasks(std::vector<Task>& tasks, const RunArguments& arguments, Session& session) {
+ExitCode run_tasks(std::vector<Task>& tasks, const RunArguments& arguments,
+                   const InputFile* size_image, Session& session) {
     for (Task& task : tasks) {
-        start(task, arguments, session.any_server());
+        start(task, arguments, size_image, session.any_server());
     }
     ExitCode code = ExitCode::Ok;
     for (Task& task : tasks) {
@@ -260,17 +263,19 @@ ExitCode run(const RunArguments& arguments, Session& session) {
         session.note("--threads is for a private server; the named one has its own");
     }
     std::vector<Task> tasks = open_inputs(arguments);
+    const std::optional<InputFile> opened = open_size_image(arguments.job);
+    const InputFile* size_image = opened ? &*opened : nullptr;
     plan(tasks, arguments, session.any_server().capabilities());
     ExitCode code = ExitCode::Ok;
     if (arguments.job.wants_estimate) {
         for (const Task& task : tasks) {
-            tell_estimate(task.file, spec_for(arguments, task), session.any_server(),
+            tell_estimate({task.file, size_image}, spec_for(arguments, task), session.any_server(),
                           session.settings());
         }
         return code;
     }
     try {
-        code = run_tasks(tasks, arguments, session);
+        code = run_tasks(tasks, arguments, size_image, session);
     } catch (const Failure& failure) {
         if (failure.code() != ExitCode::Interrupted) {
             throw;

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,16 +22,18 @@ ExitCode submit(const JobArguments& arguments, Session& session) {
     for (const v1::Format format : wanted_formats(arguments.formats, spec.options())) {
         spec.add_outputs()->set_format(format);
     }
+    const std::optional<InputFile> size_image = open_size_image(arguments);
     std::vector<InputFile> files;
     for (const std::string& input : arguments.inputs) {
         files.emplace_back(input);
     }
     for (const InputFile& file : files) {
+        const JobFiles inputs{file, size_image ? &*size_image : nullptr};
         if (arguments.wants_estimate) {
-            tell_estimate(file, spec, session.named_server(), session.settings());
+            tell_estimate(inputs, spec, session.named_server(), session.settings());
             continue;
         }
-        const v1::Job job = create_job(session.named_server(), file, spec);
+        const v1::Job job = create_job(session.named_server(), inputs, spec);
         fmt::print("{}\n", session.settings().json ? json_line(job) : sanitised(job.name()));
         std::fflush(stdout);  // Jobs that exist are known even if a later one is refused.
     }

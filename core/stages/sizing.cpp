@@ -11,6 +11,7 @@
 #include "core/geometry/sample_source.h"
 #include "core/parallel.h"
 #include "core/stages/sizing/curvature.h"
+#include "core/stages/sizing/image.h"
 #include "core/stages/sizing/probes.h"
 #include "core/stages/sizing/regions.h"
 #include "core/stages/sizing/thickness.h"
@@ -221,6 +222,11 @@ void check_region(const SizingRegion& region, const std::string& field) {
 
 }  // namespace
 
+double min_size_of(const SizingOptions& options, double edge_length) {
+    const double h_max = options.max_size.value_or(edge_length);
+    return options.min_size.value_or(std::min(kLeastShare * h_max, smallest_asked_for(options)));
+}
+
 void validate(const SizingOptions& options, std::optional<double> edge_length) {
     Checker::number("min_factor", options.min_factor,
                     options.min_factor > 0.0 && options.min_factor <= 1.0, "in (0, 1]");
@@ -264,8 +270,7 @@ std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
                                                       const VertexSizes& wishes) {
     validate(options, edge_length);
     const double h_max = options.max_size.value_or(edge_length);
-    const double h_min =
-        options.min_size.value_or(std::min(kLeastShare * h_max, smallest_asked_for(options)));
+    const double h_min = min_size_of(options, edge_length);
     Sources sources;
     if (options.chord_error || options.elements_across) {
         const SurfaceSizes sizes(domain, features, options, h_min, h_max);
@@ -282,6 +287,10 @@ std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
     if (!options.vertex_field.empty()) {
         sources.push_back(std::make_shared<SampleSource>(
             sizes_at_vertices(wishes, h_min, h_max, run), options.gradation));
+    }
+    if (options.image) {
+        sources.push_back(make_image_source(*options.image, domain.boundary(), options.gradation,
+                                            h_min, h_max, run));
     }
     for (const SizingRegion& region : options.regions) {
         sources.push_back(make_region(region, options.gradation));

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/geometry/domain.h"
+#include "core/geometry/size_image.h"
 #include "core/geometry/sizing_field.h"
 #include "core/run_context.h"
 #include "core/stages/features.h"
@@ -62,12 +63,14 @@ struct SizingOptions {
     std::optional<BoundaryLayer> layer{};
     std::vector<SizingRegion> regions{};  ///< At most 1000.
     std::string vertex_field{};  ///< Scalar of the input's vertices that is their size; or empty.
+    std::shared_ptr<const SizeImage> image{};  ///< Sizes in space, or none.
 
     bool return_field = false;  ///< Give h(x) at the vertices of the result, as `sizes`.
 
     /// Whether anything but the guard may make h vary.
     [[nodiscard]] bool is_graded() const {
-        return chord_error || elements_across || layer || !regions.empty() || !vertex_field.empty();
+        return chord_error || elements_across || layer || !regions.empty() ||
+               !vertex_field.empty() || image;
     }
 };
 
@@ -83,12 +86,15 @@ struct VertexSizes {
 ///
 /// \param edge_length  h where nothing asks for another, model units, > 0
 /// \param wishes       needed if options.vertex_field is named
-/// \throws Error{InvalidInput} if an option is out of range
+/// \throws Error{InvalidInput} if an option is out of range, or the image lies elsewhere
 std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
                                                       const FeatureSet& features,
                                                       double edge_length,
                                                       const SizingOptions& options, RunContext& run,
                                                       const VertexSizes& wishes = {});
+
+/// options.min_size, or what it is if absent. \param edge_length  h where nothing asks for another
+double min_size_of(const SizingOptions& options, double edge_length);
 
 /// \param edge_length  if known, for what depends on it
 /// \throws Error{InvalidInput} naming the field, its range and the value

@@ -175,6 +175,13 @@ std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
     if (!is_sha256(spec.input().digest().sha256())) {
         add("spec.input.digest.sha256", "must be 64 lower-case hexadecimal digits");
     }
+    if (spec.has_size_image() && !is_sha256(spec.size_image().digest().sha256())) {
+        add("spec.size_image.digest.sha256", "must be 64 lower-case hexadecimal digits");
+    }
+    if (!v1::ImageFormat_IsValid(spec.size_image().format())) {
+        add("spec.size_image.format",
+            "must be a known format, got " + std::to_string(spec.size_image().format()));
+    }
     if (spec.input().file_name().size() > 255) {
         add("spec.input.file_name",
             "must have at most 255 bytes, got " + std::to_string(spec.input().file_name().size()));
@@ -212,6 +219,34 @@ std::vector<FieldProblem> problems_of(const v1::JobSpec& spec) {
         }
     }
     return problems;
+}
+
+std::optional<ImageFormat> to_core(v1::ImageFormat format) {
+    switch (format) {
+        case v1::IMAGE_FORMAT_NIFTI: return ImageFormat::Nifti;
+        case v1::IMAGE_FORMAT_NRRD: return ImageFormat::Nrrd;
+        case v1::IMAGE_FORMAT_META_IMAGE: return ImageFormat::MetaImage;
+        default: return std::nullopt;
+    }
+}
+
+double millimeters_of(v1::Unit unit) {
+    switch (unit) {
+        case v1::UNIT_CENTIMETER: return 10.0;
+        case v1::UNIT_METER: return 1000.0;
+        default: return 1.0;
+    }
+}
+
+SizeImageRequest to_core(const v1::SizeImage& image, const v1::Frame& frame) {
+    SizeImageRequest to;
+    to.artifact = {image.digest().sha256(), image.digest().size_bytes()};
+    to.format = to_core(image.format());
+    to.frame.space = frame.space() == v1::SPACE_LPS   ? SurfaceFrame::Space::Lps
+                     : frame.space() == v1::SPACE_RAS ? SurfaceFrame::Space::Ras
+                                                      : SurfaceFrame::Space::Unknown;
+    to.frame.millimeters = millimeters_of(frame.unit());
+    return to;
 }
 
 void write(const JobOutput& from, v1::Output& to) {
@@ -306,6 +341,9 @@ JobRequest to_core(const v1::JobSpec& spec) {
     request.file_name = spec.input().file_name();
     request.unit = unit_sign(spec.input().frame().unit());
     request.space = space_name(spec.input().frame().space());
+    if (spec.has_size_image()) {
+        request.size_image = to_core(spec.size_image(), spec.input().frame());
+    }
     request.options = to_core(spec.options());
     for (const v1::OutputRequest& output : spec.outputs()) {
         OutputRequest to{to_core(output.format()).value_or(MeshFormat::Stl)};
@@ -464,6 +502,9 @@ std::string ProtoCodec::encode_result(std::string_view spec, const JobResult& re
     *provenance->mutable_options() = to_proto(result.options);
     *provenance->mutable_input() = asked.input().digest();
     *provenance->mutable_frame() = asked.input().frame();
+    if (asked.has_size_image()) {
+        *provenance->mutable_size_image() = asked.size_image().digest();
+    }
     return to.SerializeAsString();
 }
 

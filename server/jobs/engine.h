@@ -2,7 +2,6 @@
 
 #include <functional>
 #include <iosfwd>
-#include <string_view>
 #include <vector>
 
 #include "server/jobs/job.h"
@@ -33,12 +32,12 @@ public:
 
     /// What is wrong with a request; empty if it can be run.
     [[nodiscard]] virtual std::vector<FieldProblem> check(const JobRequest& request) const = 0;
-    /// What a run would need. \throws Error if the input can't be read
+    /// What a run would need. \throws Error if an input can't be read
     [[nodiscard]] virtual JobEstimate estimate(const JobRequest& request,
-                                               std::string_view input) const = 0;
+                                               const JobFiles& inputs) const = 0;
     /// Runs a request in the present TBB arena.
     /// \throws Error, or whatever a defect throws
-    virtual JobResult run(const JobRequest& request, std::string_view input, RunContext& run,
+    virtual JobResult run(const JobRequest& request, const JobFiles& inputs, RunContext& run,
                           OutputSink& outputs) const = 0;
     /// Writes a preview as binary PLY.
     virtual void write_preview(const SurfaceMesh& surface, std::ostream& out) const = 0;

@@ -5,10 +5,12 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
 #include "core/estimate.h"
+#include "core/image/read_image.h"
 #include "core/io/mesh_io.h"
 #include "core/pipeline.h"
 #include "core/run_context.h"
@@ -27,6 +29,19 @@ struct OutputRequest {
     OutputContent content = OutputContent::Automatic;
 };
 
+/// An image of sizes that is an input, too.
+struct SizeImageRequest {
+    ArtifactId artifact{};
+    std::optional<ImageFormat> format{};  ///< Absent: found from the content.
+    SurfaceFrame frame{};                 ///< Of the surface.
+};
+
+/// Bytes of a job's input files.
+struct JobFiles {
+    std::string_view surface{};
+    std::string_view size_image{};  ///< Empty unless the request has one.
+};
+
 /// What a client asked for, as far as a worker needs to know.
 struct JobRequest {
     ArtifactId input{};
@@ -34,11 +49,21 @@ struct JobRequest {
     std::string file_name{};                   ///< Last part of a path, may be empty.
     std::string unit{};                        ///< Of lengths, "mm", "cm" or "m"; empty: not said.
     std::string space{};                       ///< Of coordinates, "LPS" or "RAS"; empty: not said.
+    std::optional<SizeImageRequest> size_image{};
     RemeshOptions options{};
     std::vector<OutputRequest> outputs{};
     int priority = 0;                               ///< In [-100, 100].
     std::optional<std::chrono::seconds> timeout{};  ///< Absent: the server's limit.
     bool skip_cache = false;                        ///< Run it even if its result is there.
+
+    /// Digests of all files that it needs.
+    [[nodiscard]] std::vector<std::string> inputs() const {
+        std::vector<std::string> digests{input.sha256};
+        if (size_image) {
+            digests.push_back(size_image->artifact.sha256);
+        }
+        return digests;
+    }
 };
 
 /// What a run is likely to need; see core/estimate.h.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/jobs/job_inputs.h"
+
 namespace remesh {
 namespace {
 
@@ -66,7 +68,7 @@ JobView JobRegistry::submit(const Submission& submission) {
                submission.spec,
                request.priority,
                options_.max_attempts,
-               {request.input.sha256},
+               request.inputs(),
                codec_.cache_key(submission.spec),
                !request.skip_cache,
                {}};
@@ -74,18 +76,17 @@ JobView JobRegistry::submit(const Submission& submission) {
 }
 
 JobView JobRegistry::check_only(const Submission& submission, const JobRequest& request) {
-    const auto input = artifacts_.find(submission.tenant, request.input.sha256);
-    if (!input) {
+    const JobInputs inputs(artifacts_, submission.tenant, request);
+    if (!inputs.missing().empty()) {
         throw JobError(JobErrorCode::MissingInput, "the input artifact isn't there",
-                       request.input.sha256);
+                       inputs.missing());
     }
     JobView view;
     view.job.spec = submission.spec;
     view.job.priority = request.priority;
     view.job.max_attempts = options_.max_attempts;
-    const ArtifactView bytes = artifacts_.open(submission.tenant, *input);
-    view.estimate = options_.estimator ? options_.estimator(submission.spec, bytes.bytes())
-                                       : engine_.estimate(request, bytes.bytes());
+    view.estimate = options_.estimator ? options_.estimator(submission.spec, inputs.files())
+                                       : engine_.estimate(request, inputs.files());
     return view;
 }
 
@@ -104,7 +105,7 @@ JobView JobRegistry::retry(const JobKey& key, const std::string& request_id) {
                    old.job.spec,
                    request.priority,
                    options_.max_attempts,
-                   {request.input.sha256},
+                   request.inputs(),
                    codec_.cache_key(old.job.spec),
                    false,
                    key.id});

@@ -21,7 +21,7 @@ struct RegistryOptions {
     int max_attempts = 5;  ///< A job that lost this many workers is quarantined.
     int workers = 1;       ///< That serve the queue, for the estimate of a job's start.
     /// What a job of a spec would need with an input; absent: the engine tells, in this process.
-    std::function<JobEstimate(std::string_view spec, std::string_view input)> estimator{};
+    std::function<JobEstimate(std::string_view spec, const JobFiles& inputs)> estimator{};
 };
 
 /// A job as it is shown.

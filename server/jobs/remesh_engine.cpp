@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <memory>
 #include <ostream>
 
 #include "core/error.h"
@@ -74,6 +75,16 @@ ReadResult read_input(const JobRequest& request, std::string_view input) {
     return read_surface(input, hint, {}, request.options.sizing.vertex_field);
 }
 
+/// The request's options, with what they need of other files.
+RemeshOptions read_options(const JobRequest& request, const JobFiles& inputs) {
+    RemeshOptions options = request.options;
+    if (request.size_image) {
+        options.sizing.image = std::make_shared<SizeImage>(read_size_image(
+            inputs.size_image, request.size_image->format, request.size_image->frame));
+    }
+    return options;
+}
+
 void require_memory(const RunEstimate& estimate, std::optional<std::int64_t> max_bytes) {
     if (max_bytes && estimate.memory_bytes > *max_bytes) {
         throw Error(ErrorCode::TooLarge, "the job needs about " +
@@ -107,19 +118,21 @@ std::vector<FieldProblem> RemeshEngine::check(const JobRequest& request) const {
     return problems;
 }
 
-JobEstimate RemeshEngine::estimate(const JobRequest& request, std::string_view input) const {
-    return estimate_run(read_input(request, input).mesh, request.options);
+JobEstimate RemeshEngine::estimate(const JobRequest& request, const JobFiles& inputs) const {
+    return estimate_run(read_input(request, inputs.surface).mesh, read_options(request, inputs));
 }
 
-JobResult RemeshEngine::run(const JobRequest& request, std::string_view input, RunContext& run,
+JobResult RemeshEngine::run(const JobRequest& request, const JobFiles& inputs, RunContext& run,
                             OutputSink& outputs) const {
     run.enter(Stage::Read);
-    ReadResult read = read_input(request, input);
-    require_memory(estimate_run(read.mesh, request.options), max_job_bytes_);
+    ReadResult read = read_input(request, inputs.surface);
+    RemeshOptions options = read_options(request, inputs);
+    require_memory(estimate_run(read.mesh, options), max_job_bytes_);
     for (std::string& warning : read.warnings) {
         run.warn({"INPUT_FILE", std::move(warning), std::nullopt});
     }
-    RemeshResult mesh = run_pipeline(read.mesh, request.options, run, read.sizes);
+    RemeshResult mesh = run_pipeline(read.mesh, options, run, read.sizes);
+    options.sizing.image.reset();  // It is large.
 
     run.enter(Stage::Write);
     JobResult result;

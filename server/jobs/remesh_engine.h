@@ -25,8 +25,8 @@ public:
 
     [[nodiscard]] std::vector<FieldProblem> check(const JobRequest& request) const override;
     [[nodiscard]] JobEstimate estimate(const JobRequest& request,
-                                       std::string_view input) const override;
-    JobResult run(const JobRequest& request, std::string_view input, RunContext& run,
+                                       const JobFiles& inputs) const override;
+    JobResult run(const JobRequest& request, const JobFiles& inputs, RunContext& run,
                   OutputSink& outputs) const override;
     void write_preview(const SurfaceMesh& surface, std::ostream& out) const override;
 

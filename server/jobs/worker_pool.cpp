@@ -11,6 +11,7 @@
 
 #include "core/error.h"
 #include "core/run_state.h"
+#include "server/jobs/job_inputs.h"
 
 namespace remesh {
 namespace {
@@ -199,14 +200,13 @@ Ending run_attempt(Lease& lease, const Bench& bench, bool resumes = true) {
         }
         run.keep_state(state);
         const JobRequest request = codec.decode_spec(job.spec);
-        const auto known = artifacts.find(job.key.tenant, request.input.sha256);
-        if (!known) {
+        const JobInputs inputs(artifacts, job.key.tenant, request);
+        if (!inputs.missing().empty()) {
             throw StoreError("store: a job's input is gone");
         }
-        const ArtifactView input = artifacts.open(job.key.tenant, *known);
         DraftSink sink(artifacts, job.key.tenant);
         JobResult result;
-        arena.execute([&] { result = engine.run(request, input.bytes(), run, sink); });
+        arena.execute([&] { result = engine.run(request, inputs.files(), run, sink); });
         if (!result.broken_bounds.empty()) {
             return {lease.fail({"BOUND_NOT_MET", result.broken_bounds, false, Stage::Report,
                                 result.outputs},

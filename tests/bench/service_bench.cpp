@@ -153,7 +153,7 @@ private:
 /// server's together.
 void watchers(benchmark::State& state) {
     Gate gate;
-    const ScriptedEngine engine([&gate](const JobRequest& request, std::string_view input,
+    const ScriptedEngine engine([&gate](const JobRequest& request, const JobFiles& input,
                                         RunContext& run, OutputSink& outputs) {
         run.enter(Stage::Relax);
         gate.pass(run);

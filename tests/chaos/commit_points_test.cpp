@@ -32,9 +32,9 @@ using testing::ScriptedEngine;
 using testing::TemporaryDirectory;
 using testing::TextCodec;
 
-JobResult tell_and_copy(const JobRequest& request, std::string_view input, RunContext& run,
+JobResult tell_and_copy(const JobRequest& request, const JobFiles& input, RunContext& run,
                         OutputSink& outputs) {
-    run.preview({.vertices = Points(input.size(), Vec3::Zero())});
+    run.preview({.vertices = Points(input.surface.size(), Vec3::Zero())});
     run.sample({.quality = QualitySample{}});
     return ScriptedEngine::copy_input(request, input, run, outputs);
 }

@@ -153,6 +153,53 @@ TEST_F(Programs, EstimateAJobWithoutRunningIt) {
     EXPECT_THAT(folder_.names(), ElementsAre("bad.off"));
 }
 
+/// A MetaImage of 20 mm voxels that covers the aorta, all of one size.
+std::string size_image(float size, const std::string& offset) {
+    std::string file =
+        "ObjectType = Image\nNDims = 3\nBinaryData = True\nElementByteOrderMSB = False\n"
+        "Offset = " +
+        offset +
+        "\nElementSpacing = 20 20 20\nDimSize = 30 30 30\nElementType = MET_FLOAT\n"
+        "ElementDataFile = LOCAL\n";
+    for (int i = 0; i < 30 * 30 * 30; ++i) {
+        file.append(reinterpret_cast<const char*>(&size), sizeof size);
+    }
+    return file;
+}
+
+TEST_F(Programs, MakeAMeshWithSizesFromAnImage) {
+    const std::string sizes = folder_.file("sizes.mha", size_image(4.0F, "-300 0 0"));
+    const std::string apart_image = folder_.file("apart.mha", size_image(4.0F, "9000 0 0"));
+    const std::string detached =
+        folder_.file("none.mha", "ObjectType = Image\nElementDataFile = /etc/passwd\n");
+    const std::vector<std::string> job{"run",        kAorta,  "--edge-length", "5",
+                                       "--max-size", "8",     "--space",       "lps",
+                                       "-o",         "a.vtu", "--json",        "--size-image"};
+    const auto with = [&](std::vector<std::string> words) {
+        words.insert(words.begin(), job.begin(), job.end());
+        return remesh(words);
+    };
+
+    const auto made = with({sizes, "--no-thickness-guard", "--return-sizes"});
+    const auto estimated = with({sizes, "--estimate"});
+    const auto apart = with({apart_image});
+    const auto apart_in_estimate = with({apart_image, "--estimate"});
+    const auto refused = with({detached});
+    const auto unreadable = with({"missing.mha"});
+
+    EXPECT_EQ(made.exit_code, 0) << made.err;
+    EXPECT_THAT(made.out, HasSubstr("\"size_image\""));
+    EXPECT_EQ(estimated.exit_code, 0) << estimated.err;
+    EXPECT_EQ(apart.exit_code, 3) << apart.err;
+    EXPECT_THAT(apart.err, HasSubstr("must overlap the surface"));
+    EXPECT_EQ(apart_in_estimate.exit_code, 3) << apart_in_estimate.err;
+    EXPECT_THAT(apart_in_estimate.err, HasSubstr("must overlap the surface"));
+    EXPECT_EQ(refused.exit_code, 3) << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr("ElementDataFile must be LOCAL"));
+    EXPECT_EQ(unreadable.exit_code, 3);
+    EXPECT_THAT(unreadable.err, HasSubstr("can't read missing.mha"));
+}
+
 TEST_F(Programs, LimitATenantAsItsOperatorSays) {
     ServerProcess server;
     const auto admin = [&](std::vector<std::string> words) {

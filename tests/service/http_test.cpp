@@ -157,7 +157,7 @@ TEST_F(HttpTest, SaysWhatIsWrongAsTheApiDoes) {
 
 TEST_F(HttpTest, RetriesAJobThatFailedAsANewOne) {
     std::atomic<bool> is_broken = true;
-    const ScriptedEngine failing([&](const JobRequest& request, std::string_view input,
+    const ScriptedEngine failing([&](const JobRequest& request, const JobFiles& input,
                                      RunContext& run, OutputSink& outputs) {
         if (is_broken) {
             throw remesh::Error(ErrorCode::Unmeshable, "not this time");

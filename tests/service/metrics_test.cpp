@@ -51,7 +51,7 @@ TEST(Metrics, CountJobsStagesAndTheirTimes) {
 
 TEST(Metrics, CountFailuresByReason) {
     const ScriptedEngine engine(
-        [](const JobRequest&, std::string_view, RunContext&, OutputSink&) -> JobResult {
+        [](const JobRequest&, const JobFiles&, RunContext&, OutputSink&) -> JobResult {
             throw Error(ErrorCode::Unmeshable, "no");
         });
     TestServer server(engine);

@@ -20,12 +20,12 @@ using testing::TestServer;
 constexpr std::int64_t kTets = 1'234;
 
 /// Makes the same number of tets of everything but "bad".
-JobResult make_tets(const JobRequest& request, std::string_view input, RunContext& run,
+JobResult make_tets(const JobRequest& request, const JobFiles& files, RunContext& run,
                     OutputSink& outputs) {
-    if (input == "bad") {
+    if (files.surface == "bad") {
         throw Error(ErrorCode::Unmeshable, "no");
     }
-    JobResult result = ScriptedEngine::copy_input(request, input, run, outputs);
+    JobResult result = ScriptedEngine::copy_input(request, files, run, outputs);
     result.report.tets.emplace().tets = kTets;
     return result;
 }

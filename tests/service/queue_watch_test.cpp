@@ -121,7 +121,7 @@ TEST(QueueWatchTest, EndsRetryablyWhenTheServerShutsDown) {
 
 TEST(WatchTest, ThinsWhatASlowReaderMissedAndCountsIt) {
     Gate gate;
-    const ScriptedEngine engine([&gate](const JobRequest& request, std::string_view input,
+    const ScriptedEngine engine([&gate](const JobRequest& request, const JobFiles& input,
                                         RunContext& run, OutputSink& outputs) {
         run.enter(Stage::Relax);
         gate.pass(run);

@@ -20,7 +20,7 @@ using testing::TestServer;
 const ScriptedEngine kCopy;
 
 ScriptedEngine::Script relaxing_until(Gate& gate) {
-    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
+    return [&gate](const JobRequest& request, const JobFiles& input, RunContext& run,
                    OutputSink& outputs) {
         run.enter(Stage::Relax);
         for (int i = 0; i < 10; ++i) {
@@ -164,10 +164,117 @@ TEST(Service, AnswersAnEqualJobByTheResultUnlessToldNotTo) {
     EXPECT_EQ(other.state(), v1::Job::STATE_QUEUED);
 }
 
+/// A job with an image of sizes beside its surface.
+v1::CreateJobRequest request_with_image(TestServer& server, const std::string& image) {
+    v1::CreateJobRequest request = server.request_for("mesh");
+    server.upload(image);
+    request.mutable_spec()->mutable_size_image()->mutable_digest()->set_sha256(sha256_of(image));
+    return request;
+}
+
+TEST(Service, GivesAJobItsSizeImage) {
+    TestServer server(kCopy);
+    v1::Job created;
+
+    const auto status = server.create(request_with_image(server, "image"), &created);
+    const v1::Job job = server.watch(created.name()).back().completed();
+    std::string bytes;
+    server.download(job.result().outputs(0).digest().sha256(), 0, 0, &bytes);
+
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(bytes, "out:meshimage");
+    EXPECT_EQ(job.spec().size_image().digest().size_bytes(), 5);
+    EXPECT_EQ(job.result().provenance().size_image().sha256(), sha256_of("image"));
+}
+
+TEST(Service, AnswersAJobWithAnotherSizeImageByNoOldResult) {
+    TestServer server(kCopy);
+    v1::Job first;
+    server.create(request_with_image(server, "image"), &first);
+    server.watch(first.name());
+    v1::Job again;
+    v1::Job other;
+    v1::Job none;
+
+    server.create(request_with_image(server, "image"), &again);
+    server.create(request_with_image(server, "other image"), &other);
+    server.create(server.request_for("mesh"), &none);
+
+    EXPECT_EQ(again.origin(), first.name());
+    EXPECT_EQ(other.origin(), "");
+    EXPECT_EQ(none.origin(), "");
+}
+
+TEST(Service, RefusesAJobWhoseSizeImageIsNotThereOrMalformed) {
+    TestServer server(kCopy);
+    v1::CreateJobRequest request = request_with_image(server, "image");
+    v1::Digest& digest = *request.mutable_spec()->mutable_size_image()->mutable_digest();
+    v1::Job job;
+
+    digest.set_sha256(sha256_of("other"));
+    const grpc::Status missing = server.create(request, &job);
+    request.set_validate_only(true);
+    const grpc::Status missing_in_check = server.create(request, &job);
+    digest.set_sha256("42");
+    request.mutable_spec()->mutable_size_image()->set_format(static_cast<v1::ImageFormat>(9));
+    const grpc::Status malformed = server.create(request, &job);
+
+    for (const grpc::Status& status : {missing, missing_in_check}) {
+        EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+        const auto details = detail_of<google::rpc::ResourceInfo>(status);
+        ASSERT_TRUE(details);
+        EXPECT_EQ(details->resource_name(), sha256_of("other"));
+    }
+    EXPECT_EQ(malformed.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_THAT(malformed.error_message(), HasSubstr("spec.size_image.digest.sha256"));
+    EXPECT_THAT(malformed.error_message(), HasSubstr("spec.size_image.format"));
+}
+
+TEST(Service, EstimatesAJobWithItsSizeImage) {
+    TestServer server(kCopy);
+    v1::CreateJobRequest request = request_with_image(server, "image");
+    request.set_validate_only(true);
+    v1::Job job;
+
+    const grpc::Status status = server.create(request, &job);
+
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    EXPECT_EQ(job.estimate().tets(), 9);
+}
+
+TEST(Service, KeepsTheSizeImageOfAJobThatWaits) {
+    Gate gate;
+    const ScriptedEngine engine(testing::behind(gate));
+    TestServer server(engine);
+    v1::Job running;
+    server.create(server.request_for("first"), &running);
+    gate.wait_for_a_run();
+    v1::Job cancelled;
+    v1::Job waiting;
+    server.create(request_with_image(server, "image"), &cancelled);
+    server.create(request_with_image(server, "image"), &waiting);
+
+    server.cancel(cancelled.name(), &cancelled);
+    const grpc::Status removal = server.remove(cancelled.name());
+    gate.open();
+    const v1::Job done = server.watch(waiting.name()).back().completed();
+    std::string bytes;
+    const grpc::Status kept = server.download(sha256_of("image"), 0, 0, &bytes);
+    const grpc::Status last_removal = server.remove(waiting.name());
+    const grpc::Status gone = server.download(sha256_of("image"), 0, 0, &bytes);
+
+    EXPECT_TRUE(removal.ok()) << removal.error_message();
+    EXPECT_EQ(done.state(), v1::Job::STATE_SUCCEEDED);
+    EXPECT_TRUE(kept.ok()) << kept.error_message();
+    EXPECT_EQ(bytes, "image");
+    EXPECT_TRUE(last_removal.ok()) << last_removal.error_message();
+    EXPECT_EQ(gone.error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
 TEST(Service, TriesAFailedJobAgainAsANewOne) {
     std::atomic<bool> is_broken = true;
     const ScriptedEngine engine(
-        [&](const JobRequest& request, std::string_view input, RunContext& run, OutputSink& out) {
+        [&](const JobRequest& request, const JobFiles& input, RunContext& run, OutputSink& out) {
             if (is_broken) {
                 throw Error(ErrorCode::Unmeshable, "no body");
             }
@@ -218,7 +325,7 @@ TEST(Service, CreatesOneJobForARepeatedRequestId) {
 
 TEST(Service, ShowsTheFailureOfAJobWhoseFileIsBad) {
     const ScriptedEngine engine(
-        [](const JobRequest&, std::string_view, RunContext&, OutputSink&) -> JobResult {
+        [](const JobRequest&, const JobFiles&, RunContext&, OutputSink&) -> JobResult {
             throw Error(ErrorCode::InvalidInput, "STL says 4,000,000 triangles but holds 498");
         });
     TestServer server(engine);
@@ -236,8 +343,8 @@ TEST(Service, ShowsTheFailureOfAJobWhoseFileIsBad) {
 TEST(Service, GoesOnWithQueuedRunningAndFinishedJobsAfterARestart) {
     Gate gate;
     const ScriptedEngine engine(
-        [&](const JobRequest& request, std::string_view input, RunContext& run, OutputSink& out) {
-            if (input != "finished") {
+        [&](const JobRequest& request, const JobFiles& input, RunContext& run, OutputSink& out) {
+            if (input.surface != "finished") {
                 gate.pass(run);
             }
             return ScriptedEngine::copy_input(request, input, run, out);

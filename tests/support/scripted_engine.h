@@ -49,14 +49,15 @@ private:
 class ScriptedEngine final : public Engine {
 public:
     using Script =
-        std::function<JobResult(const JobRequest&, std::string_view, RunContext&, OutputSink&)>;
+        std::function<JobResult(const JobRequest&, const JobFiles&, RunContext&, OutputSink&)>;
 
     explicit ScriptedEngine(Script script = copy_input) : script_(std::move(script)) {}
 
-    static JobResult copy_input(const JobRequest&, std::string_view input, RunContext& run,
+    static JobResult copy_input(const JobRequest&, const JobFiles& inputs, RunContext& run,
                                 OutputSink& outputs) {
         run.enter(Stage::Relax);
-        const auto artifact = outputs.add([&](std::ostream& out) { out << "out:" << input; });
+        const auto artifact = outputs.add(
+            [&](std::ostream& out) { out << "out:" << inputs.surface << inputs.size_image; });
         JobResult result;
         result.outputs.push_back({OutputKind::Surface, MeshFormat::Stl, artifact, "out.stl"});
         return result;
@@ -72,12 +73,13 @@ public:
         }
         return problems;
     }
-    [[nodiscard]] JobEstimate estimate(const JobRequest&, std::string_view input) const override {
-        return {static_cast<std::int64_t>(input.size()), 1.5, 1 << 20};
+    [[nodiscard]] JobEstimate estimate(const JobRequest&, const JobFiles& inputs) const override {
+        return {static_cast<std::int64_t>(inputs.surface.size() + inputs.size_image.size()), 1.5,
+                1 << 20};
     }
-    JobResult run(const JobRequest& request, std::string_view input, RunContext& run,
+    JobResult run(const JobRequest& request, const JobFiles& inputs, RunContext& run,
                   OutputSink& outputs) const override {
-        return script_(request, input, run, outputs);
+        return script_(request, inputs, run, outputs);
     }
     void write_preview(const SurfaceMesh& surface, std::ostream& out) const override {
         out << "preview of " << surface.triangles.size() << " triangles "
@@ -90,10 +92,10 @@ private:
 
 /// Copies the input once a gate lets it.
 inline ScriptedEngine::Script behind(Gate& gate) {
-    return [&gate](const JobRequest& request, std::string_view input, RunContext& run,
+    return [&gate](const JobRequest& request, const JobFiles& inputs, RunContext& run,
                    OutputSink& outputs) {
         gate.pass(run);
-        return ScriptedEngine::copy_input(request, input, run, outputs);
+        return ScriptedEngine::copy_input(request, inputs, run, outputs);
     };
 }
 

@@ -36,7 +36,7 @@ TEST(JobMachine, RunsAJobAndShowsItsOutputs) {
 }
 
 TEST(JobMachine, NumbersTheEventsOfARunInTheOrderTheyCame) {
-    JobMachine machine([](const JobRequest&, std::string_view, RunContext& run, OutputSink&) {
+    JobMachine machine([](const JobRequest&, const JobFiles&, RunContext& run, OutputSink&) {
         run.enter(Stage::Relax);
         run.sample({.quality = QualitySample{}});
         run.sample({.quality = QualitySample{}});
@@ -60,7 +60,7 @@ TEST(JobMachine, NumbersTheEventsOfARunInTheOrderTheyCame) {
 
 TEST(JobMachine, TellsWhyARunFailed) {
     JobMachine machine(
-        [](const JobRequest&, std::string_view, RunContext&, OutputSink& outputs) -> JobResult {
+        [](const JobRequest&, const JobFiles&, RunContext&, OutputSink& outputs) -> JobResult {
             outputs.add([](std::ostream& out) { out << "half a result"; });
             throw Error(ErrorCode::Unmeshable, "no body");
         });
@@ -75,7 +75,7 @@ TEST(JobMachine, TellsWhyARunFailed) {
 
 TEST(JobMachine, KeepsTheReportOfAResultThatBreaksABound) {
     JobMachine machine(
-        [](const JobRequest&, std::string_view, RunContext&, OutputSink& outputs) -> JobResult {
+        [](const JobRequest&, const JobFiles&, RunContext&, OutputSink& outputs) -> JobResult {
             JobResult result;
             const auto report = outputs.add([](std::ostream& out) { out << "a report"; });
             result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
@@ -92,7 +92,7 @@ TEST(JobMachine, KeepsTheReportOfAResultThatBreaksABound) {
 }
 
 TEST(JobMachine, FailsTheJobOfAnEngineThatThrowsSomethingElse) {
-    JobMachine machine([](const JobRequest&, std::string_view, RunContext&,
+    JobMachine machine([](const JobRequest&, const JobFiles&, RunContext&,
                           OutputSink&) -> JobResult { throw std::logic_error("a defect"); });
     const JobKey key = machine.submit("mesh");
     machine.start_workers(1);
@@ -140,7 +140,7 @@ TEST(JobMachine, FailsAJobThatNeedsMoreMemoryThanItMay) {
 
 TEST(JobMachine, SubmitsAFailedJobAgainAsANewOne) {
     std::atomic<bool> is_broken = true;
-    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+    JobMachine machine([&](const JobRequest& request, const JobFiles& input, RunContext& run,
                            OutputSink& outputs) {
         if (is_broken) {
             throw Error(ErrorCode::Unmeshable, "no body");
@@ -183,9 +183,9 @@ TEST(JobMachine, RunsByPriorityThenAge) {
     std::mutex mutex;
     std::vector<std::string> order;
     JobMachine machine(
-        [&](const JobRequest&, std::string_view input, RunContext&, OutputSink&) -> JobResult {
+        [&](const JobRequest&, const JobFiles& input, RunContext&, OutputSink&) -> JobResult {
             const std::scoped_lock lock(mutex);
-            order.emplace_back(input);
+            order.emplace_back(input.surface);
             return {};
         });
     machine.submit("first");
@@ -202,11 +202,11 @@ TEST(JobMachine, RunsByPriorityThenAge) {
 TEST(JobMachine, RunsEachOfManyJobsOnceOnManyWorkers) {
     std::mutex mutex;
     std::multiset<std::string> runs;
-    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+    JobMachine machine([&](const JobRequest& request, const JobFiles& input, RunContext& run,
                            OutputSink& outputs) {
         {
             const std::scoped_lock lock(mutex);
-            runs.emplace(input);
+            runs.emplace(input.surface);
         }
         return ScriptedEngine::copy_input(request, input, run, outputs);
     });
@@ -263,7 +263,7 @@ TEST(JobMachine, RefusesMoreJobsThanMayWait) {
 TEST(JobMachine, KeepsTheNewestPreviewsOfARunAndNoneAfterIt) {
     Gate gate;
     JobMachine machine(
-        [&](const JobRequest&, std::string_view, RunContext& run, OutputSink&) -> JobResult {
+        [&](const JobRequest&, const JobFiles&, RunContext& run, OutputSink&) -> JobResult {
             for (std::size_t i = 1; i <= 12; ++i) {
                 run.preview({.vertices = Points(i, Vec3::Zero())});
             }

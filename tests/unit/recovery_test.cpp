@@ -22,7 +22,7 @@ using testing::TextCodec;
 
 /// Keeps a record and stays, the first time; then tells what it goes on from.
 ScriptedEngine::Script keeping(const std::string& record, Gate& gate) {
-    return [record, &gate](const JobRequest&, std::string_view, RunContext& run,
+    return [record, &gate](const JobRequest&, const JobFiles&, RunContext& run,
                            OutputSink& outputs) {
         const std::string earlier(run.state()->begin());
         run.state()->keep(record);
@@ -220,7 +220,7 @@ TEST(JobMachine, QuarantinesAJobThatCrashedTwoWorkers) {
 
 TEST(JobMachine, TriesAgainWhenTheStoreFailsARun) {
     std::atomic<int> runs = 0;
-    JobMachine machine([&](const JobRequest& request, std::string_view input, RunContext& run,
+    JobMachine machine([&](const JobRequest& request, const JobFiles& input, RunContext& run,
                            OutputSink& outputs) {
         if (++runs == 1) {
             throw StoreError("the disk is full", StoreError::Kind::Full);
@@ -234,7 +234,7 @@ TEST(JobMachine, TriesAgainWhenTheStoreFailsARun) {
 }
 
 TEST(JobMachine, FailsAJobThatTheStoreFailsEveryTime) {
-    JobMachine machine([](const JobRequest&, std::string_view, RunContext&,
+    JobMachine machine([](const JobRequest&, const JobFiles&, RunContext&,
                           OutputSink&) -> JobResult { throw StoreError("the disk is full"); },
                        {.max_attempts = 2});
     const JobKey key = machine.submit("mesh");
