@@ -22,6 +22,7 @@ namespace remesh {
 namespace {
 
 namespace pb = google::protobuf;
+using ::testing::AnyOf;
 using testing::CallContext;
 using testing::ScriptedEngine;
 using testing::TestServer;
@@ -202,20 +203,24 @@ TEST_P(Walls, AnswerAnotherTenantAsIfThereWereNothing) {
     v1::Job before;
     ASSERT_TRUE(server_.get(job_.name(), &before).ok());
 
-    Answer real = ask(names_, stranger);
-    Answer unreal = ask(nothing, stranger);
+    const auto text_of = [&](const Answer& answer) {
+        std::string text = answer.text();
+        for (const auto& [from, to] : {std::pair{names_.job, nothing.job},
+                                       {names_.tenant, nothing.tenant},
+                                       {names_.request_id, nothing.request_id},
+                                       {names_.digest.sha256(), nothing.digest.sha256()}}) {
+            replace_all(text, from, to);
+        }
+        return text;
+    };
+    const Answer real = ask(names_, stranger);
+    const Answer unreal = ask(nothing, stranger);
+    const Answer again = ask(names_, stranger);
 
-    std::string real_text = real.text();
-    std::string unreal_text = unreal.text();
-    for (const auto& [from, to] : {std::pair{names_.job, nothing.job},
-                                   {names_.tenant, nothing.tenant},
-                                   {names_.request_id, nothing.request_id},
-                                   {names_.digest.sha256(), nothing.digest.sha256()}}) {
-        replace_all(real_text, from, to);
-    }
-    const bool has_times = GetParam()->server_streaming() && real.status.ok();
-    EXPECT_FALSE(has_times) << "a stream let a stranger in";
-    EXPECT_EQ(real_text, unreal_text);
+    EXPECT_FALSE(GetParam()->server_streaming() && real.status.ok())
+        << "a stream let a stranger in";
+    // An answer that tells the minute may change between two questions, but not between all three.
+    EXPECT_THAT(text_of(unreal), AnyOf(text_of(real), text_of(again)));
     v1::Job after;
     ASSERT_TRUE(server_.get(job_.name(), &after).ok());
     EXPECT_EQ(after.SerializeAsString(), before.SerializeAsString());
