@@ -22,6 +22,15 @@ constexpr std::size_t kBits = 72;          // int16
 constexpr std::size_t kVoxelOffset = 108;  // float
 constexpr std::size_t kMagic = 344;
 
+constexpr std::size_t kSpacing = 76;      // float pixdim[8]
+constexpr std::size_t kRowsCode = 254;    // int16 sform_code
+constexpr std::size_t kQuaternion = 256;  // 3 float
+constexpr std::size_t kOffset = 268;      // 3 float
+constexpr std::size_t kRows = 280;        // 3 by 4 float
+
+constexpr float kShortest = 1e-6F;  // Of a voxel, in the unit of the file.
+constexpr float kLongest = 1e9F;
+
 int bytes_of_type(int type) {
     switch (type) {
         case 2:               // uint8
@@ -102,6 +111,28 @@ public:
         return offset == 0.0 ? kDataOffset : static_cast<std::size_t>(offset);
     }
 
+    /// ITK's matrices abort the process where they aren't finite, also after division by a length.
+    void require_good_geometry() const {
+        bool is_good = true;
+        for (std::size_t d = 1; d <= 3; ++d) {
+            is_good = is_good && is_length(at<float>(kSpacing + 4 * d));
+            is_good = is_good && std::abs(at<float>(kQuaternion + 4 * (d - 1))) <= 1.0F;
+            is_good = is_good && std::abs(at<float>(kOffset + 4 * (d - 1))) <= kLongest;
+        }
+        for (std::size_t column = 0; column < 4; ++column) {
+            const float length =
+                std::hypot(at<float>(kRows + 4 * column), at<float>(kRows + 16 + 4 * column),
+                           at<float>(kRows + 32 + 4 * column));
+            const bool may_vanish = column == 3 || at<std::int16_t>(kRowsCode) == 0;
+            is_good = is_good && (may_vanish ? length <= kLongest : is_length(length));
+        }
+        if (!is_good) {
+            throw Error(ErrorCode::InvalidInput,
+                        "NIfTI: pixdim, qform and sform must be finite numbers that say where the "
+                        "voxels are");
+        }
+    }
+
     /// The same, for three dimensions and voxels right behind it.
     [[nodiscard]] std::string plain() const {
         std::string header(bytes_.substr(0, kHeaderBytes));
@@ -116,6 +147,7 @@ public:
     }
 
 private:
+    static bool is_length(float x) { return x >= kShortest && x <= kLongest; }
     [[nodiscard]] std::int16_t dimension(int d) const {
         return at<std::int16_t>(kDimensions + 2 * static_cast<std::size_t>(d));
     }
@@ -140,6 +172,7 @@ PlainImage plain_nifti(std::string_view bytes, const ImageLimits& limits) {
     plain.size = header.size();
     const std::uint64_t size = checked_bytes(plain, header.bytes_per_voxel(), "NIfTI", limits);
     const std::size_t offset = header.voxel_offset();
+    header.require_good_geometry();
     plain.header = header.plain();
     if (!is_compressed) {
         take_voxels(plain, bytes.substr(std::min(offset, bytes.size())), false, size, "NIfTI",

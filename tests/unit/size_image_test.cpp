@@ -353,6 +353,20 @@ TEST(ReadSizeImage, RefusesAxesThatAreNotAtRightAngles) {
                ErrorCode::InvalidInput);
 }
 
+// ITK aborts the process on such matrices.
+TEST(ReadSizeImage, RefusesNiftiThatDoesNotSayWhereItIs) {
+    const std::string voxels = counted_voxels<float>();
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+
+    refusal_of(Nifti().sform({{{nan, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}}).with(voxels),
+               ErrorCode::InvalidInput);
+    refusal_of(Nifti().sform({{{0, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}}).with(voxels),
+               ErrorCode::InvalidInput);
+    refusal_of(Nifti().set<float>(80, 0.0F).with(voxels), ErrorCode::InvalidInput);
+    refusal_of(Nifti().set<std::int16_t>(252, 1).set<float>(256, nan).with(voxels),
+               ErrorCode::InvalidInput);
+}
+
 // Each prefix, and each file with one byte turned: a lattice or an Error, never more.
 TEST(ReadSizeImage, SurvivesDamagedFiles) {
     const std::string voxels = counted_voxels<float>();
