@@ -52,7 +52,9 @@ double density_of(const SurfaceMesh& input, const RemeshOptions& options, double
     }
     require_overlap(*sizing.image, input);
     const double h_max = sizing.max_size.value_or(h);
-    return mean_density(*sizing.image, bounding_box(input.vertices), min_size_of(sizing, h), h_max);
+    // Without an edge length nobody has yet checked which of the two is larger.
+    const double h_min = std::min(min_size_of(sizing, h), h_max);
+    return mean_density(*sizing.image, bounding_box(input.vertices), h_min, h_max);
 }
 
 }  // namespace

@@ -32,9 +32,12 @@ public:
                 reactor->Finish(status);
                 return;
             }
-            executor_.post([&gate, context, rule, reactor, handler, place] {
-                reactor->Finish(guarded(gate, *context, rule, handler));
-            });
+            executor_.post(
+                [&gate, context, rule, reactor, handler, place = std::move(place)]() mutable {
+                    const grpc::Status said = guarded(gate, *context, rule, handler);
+                    place.reset();  // Before the answer, so that whoever gets it finds it free.
+                    reactor->Finish(said);
+                });
         });
         return reactor;
     }

@@ -43,20 +43,28 @@ QueueService::QueueService(Gate& gate, JobStore& store, JobRegistry& registry, E
       clock_(std::move(clock)) {}
 
 QueueService::Ended QueueService::look_at(const JobKey& key) {
-    if (const auto known = ended_.find(key); known != ended_.end()) {
-        return known->second;
+    {
+        const std::scoped_lock lock(mutex_);
+        if (const auto known = ended_.find(key); known != ended_.end()) {
+            return known->second;
+        }
     }
     const JobView job = registry_.get(key);
     const bool was_run = job.job.attempt > 0;
-    return ended_[key] = {job.job.state, *job.job.end_time,
-                          was_run ? to_proto(job).result().quality().tets().tets() : 0};
+    const Ended ended{job.job.state, *job.job.end_time,
+                      was_run ? to_proto(job).result().quality().tets().tets() : 0};
+    const std::scoped_lock lock(mutex_);
+    ended_[key] = ended;
+    return ended;
 }
 
 std::vector<std::pair<std::string, QueueService::Ended>> QueueService::ended_since(
     const std::optional<std::string>& tenant, Time start) {
     const auto keys = store_.ended_since(tenant, start, kMaxEnded);
-    const std::scoped_lock lock(mutex_);
-    std::erase_if(ended_, [&](const auto& known) { return known.second.end < start; });
+    {
+        const std::scoped_lock lock(mutex_);
+        std::erase_if(ended_, [&](const auto& known) { return known.second.end < start; });
+    }
     std::vector<std::pair<std::string, Ended>> jobs;
     for (const JobKey& key : keys) {
         try {

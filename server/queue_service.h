@@ -41,7 +41,7 @@ private:
     /// Tenants and jobs, of one tenant or all, that ended at `start` or later.
     [[nodiscard]] std::vector<std::pair<std::string, Ended>> ended_since(
         const std::optional<std::string>& tenant, Time start);
-    /// Needs mutex_. \throws JobError if there is no such job
+    /// \throws JobError if there is no such job
     Ended look_at(const JobKey& key);
 
     Gate& gate_;

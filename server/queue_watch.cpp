@@ -213,8 +213,12 @@ void QueueHub::feed(QueueStream& stream) {
     const auto now = std::chrono::steady_clock::now();
     if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
         stream.last_check_ = now;
-        if (!is_still_valid_(stream.who_)) {
-            end = credential_ended_status();
+        try {
+            if (!is_still_valid_(stream.who_)) {
+                end = credential_ended_status();
+            }
+        } catch (const std::exception&) {
+            end = to_status(std::current_exception());
         }
     }
     bool has_message = false;

@@ -15,6 +15,8 @@ constexpr std::int32_t kDefaultPageSize = 100;
 constexpr std::int32_t kMaxPageSize = 1'000;
 // Of the jobs on a page, unless a single one has more: clients take 4 MiB a message.
 constexpr std::size_t kMaxPageBytes = std::size_t{2} << 20U;
+// Jobs that are asked of the store at a time: a spec may have 1.5 MiB.
+constexpr std::size_t kBatch = 32;
 constexpr std::size_t kMaxRequestId = 128;
 
 // The rules of this service, a line a method.
@@ -131,22 +133,28 @@ v1::ListJobsResponse JobService::list(const std::string& tenant,
             refuse("page_token", "must be one that the server gave to this tenant");
         }
     }
-    query.limit = size + 1;  // one more tells whether there is a next page
+    query.limit = std::min(size + 1, kBatch);  // one more tells whether there is a next page
     v1::ListJobsResponse reply;
     std::size_t bytes = 0;
     std::int64_t last = 0;
-    for (const JobView& view : registry_.list(query)) {
-        v1::Job job = to_proto(view);
-        bytes += job.ByteSizeLong();
-        if (last != 0 &&
-            (static_cast<std::size_t>(reply.jobs_size()) == size || bytes > kMaxPageBytes)) {
-            reply.set_next_page_token(page_tokens_.seal(tenant, last));
-            break;
+    while (true) {
+        const auto views = registry_.list(query);
+        for (const JobView& view : views) {
+            v1::Job job = to_proto(view);
+            bytes += job.ByteSizeLong();
+            if (last != 0 &&
+                (static_cast<std::size_t>(reply.jobs_size()) == size || bytes > kMaxPageBytes)) {
+                reply.set_next_page_token(page_tokens_.seal(tenant, last));
+                return reply;
+            }
+            last = view.job.number;
+            *reply.add_jobs() = std::move(job);
         }
-        last = view.job.number;
-        *reply.add_jobs() = std::move(job);
+        if (views.size() < query.limit) {
+            return reply;
+        }
+        query.before = last;
     }
-    return reply;
 }
 
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* context,

@@ -111,6 +111,7 @@ private:
             refuse("data", "must not pass the " + std::to_string(expected_.size) +
                                " bytes that were announced");
         }
+        room_.uploads.require_disk(expected_.size - upload_->size());
         upload_->write(chunk_.data());
         chunk_ = {};  // A caller that pauses holds no memory.
         return true;

@@ -240,8 +240,12 @@ void WatchHub::feed(WatchStream& stream) {
     const auto now = std::chrono::steady_clock::now();
     if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
         stream.last_check_ = now;
-        if (!is_still_valid_(stream.who_)) {
-            end = credential_ended_status();
+        try {
+            if (!is_still_valid_(stream.who_)) {
+                end = credential_ended_status();
+            }
+        } catch (const std::exception&) {
+            end = to_status(std::current_exception());
         }
     }
     if (!end && !message && stream.is_complete_) {

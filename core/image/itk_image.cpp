@@ -6,6 +6,7 @@
 #include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
+#include <mutex>
 #include <unistd.h>
 
 #include "core/error.h"
@@ -197,6 +198,8 @@ SizeImage read(itk::ImageIOBase& io, const PlainImage& plain) {
 }  // namespace
 
 SizeImage read_with_itk(const PlainImage& plain) {
+    static std::mutex one_at_a_time;  // NrrdIO keeps its errors in globals.
+    const std::scoped_lock lock(one_at_a_time);
     const NamedMemory file(plain);
     itk::Object::SetGlobalWarningDisplay(false);  // It would print them.
     try {

@@ -14,6 +14,7 @@ constexpr std::size_t kHeaderBytes = 348;
 constexpr std::size_t kSecondVersionBytes = 540;
 constexpr std::size_t kDataOffset = 352;  // Of the file that we make.
 constexpr std::size_t kMostExtensions = 1 << 24;
+constexpr std::size_t kBestRatio = 1032;  // Of deflate.
 
 // Where the header has what.
 constexpr std::size_t kDimensions = 40;    // 8 int16: how many, and the size along each.
@@ -178,6 +179,11 @@ PlainImage plain_nifti(std::string_view bytes, const ImageLimits& limits) {
         take_voxels(plain, bytes.substr(std::min(offset, bytes.size())), false, size, "NIfTI",
                     bytes.size());
         return plain;
+    }
+    if ((offset + size) / kBestRatio > bytes.size()) {
+        throw Error(ErrorCode::InvalidInput, "NIfTI: the file can't hold " +
+                                                 io::grouped(offset + size) + " bytes in " +
+                                                 io::grouped(bytes.size()) + " compressed ones");
     }
     plain.inflated = io::gunzip_head(bytes, offset + size);
     if (plain.inflated.size() < offset + size) {

@@ -408,7 +408,7 @@ private:
     Points listed_{};  // Positions when the lists were made.
     Fire fire_{};
     double time_ = 0.0;
-    double cap_ = kMaxStep;  // Of the present step, over h.
+    double cap_ = kMaxStep;         // Of the present step, over h.
     std::size_t first_sample_ = 0;  // Of this relaxation, among the run's.
 };
 

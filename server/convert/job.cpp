@@ -127,7 +127,6 @@ google::protobuf::Duration duration_of(double seconds) {
     return duration;
 }
 
-/// Only the last part of a path, whichever system it comes from.
 /// "mm", or nothing if it wasn't said.
 std::string unit_sign(v1::Unit unit) {
     return unit == v1::UNIT_MILLIMETER   ? "mm"
@@ -140,6 +139,7 @@ std::string space_name(v1::Space space) {
     return space == v1::SPACE_LPS ? "LPS" : space == v1::SPACE_RAS ? "RAS" : "";
 }
 
+/// Only the last part of a path, whichever system it comes from.
 std::string last_part(const std::string& path) {
     return path.substr(path.find_last_of("/\\") + 1);
 }

@@ -57,6 +57,7 @@ def metrics_of(remeshd, remesh, mesh):
                     found = samples(response.read().decode())
                 if "remesh_attempt_duration_seconds_count" in found:
                     return found
+                time.sleep(0.1)
         finally:
             server.terminate()
             server.wait()

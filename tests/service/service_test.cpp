@@ -12,7 +12,9 @@ namespace remesh {
 namespace {
 
 using testing::CallContext;
+using testing::detail_of;
 using testing::Gate;
+using ::testing::HasSubstr;
 using testing::ScriptedEngine;
 using ::testing::SizeIs;
 using testing::TestServer;

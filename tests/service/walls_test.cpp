@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <filesystem>
 #include <future>
 #include <thread>
 #include <vector>
@@ -325,6 +326,12 @@ TEST(Tokens, EndTheTransfersOfThoseThatAreRevoked) {
     v1::UploadArtifactResponse response;
     const auto stream = server.artifacts->UploadArtifact(&context, &response);
     stream->Write(chunk);
+    // Let in, and the first chunk kept.
+    const auto part = server.data_dir() / "tenants" / "a" / "uploads" / sha256_of("mesh");
+    std::error_code error;
+    while (std::filesystem::file_size(part, error) != 2) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
 
     access.revoke(access.list().at(0).id, system_now());
     chunk.set_offset(2);

@@ -22,7 +22,7 @@ constexpr std::size_t kMaxBlocks = 16'000'000;
 constexpr double kFullCoverage = 0.99;
 constexpr double kClearlyBetter = 0.1;  // Coverage in the other space over that in the assumed one.
 
-using Lattice = Eigen::Array3i;
+using Voxel = Eigen::Array3i;
 
 bool is_wish(float size) {
     return size > 0.0F && std::isfinite(size);
@@ -39,7 +39,7 @@ public:
           run_(run) {}
 
     // \param low, high  voxels in [low, high)
-    std::vector<SizingBlock> make(const Lattice& low, const Lattice& high) {
+    std::vector<SizingBlock> make(const Voxel& low, const Voxel& high) {
         if ((low < high).all()) {
             walk(low, high);
         }
@@ -53,14 +53,14 @@ private:
         bool is_full = false;  // Every voxel has a wish below most_.
     };
 
-    [[nodiscard]] float size_at(const Lattice& voxel) const {
+    [[nodiscard]] float size_at(const Voxel& voxel) const {
         const auto index = [&](int axis) { return static_cast<std::size_t>(voxel[axis]); };
         const auto nx = static_cast<std::size_t>(image_.size[0]);
         const auto ny = static_cast<std::size_t>(image_.size[1]);
         return image_.sizes[(index(2) * ny + index(1)) * nx + index(0)];
     }
 
-    Extremes walk(const Lattice& low, const Lattice& high) {
+    Extremes walk(const Voxel& low, const Voxel& high) {
         if (((high - low) == 1).all()) {
             return add_voxel(low);
         }
@@ -70,10 +70,10 @@ private:
             (high - low).maxCoeff(&axis);
         }
         const std::size_t before = blocks_.size();
-        Lattice middle = high;
+        Voxel middle = high;
         middle[axis] = low[axis] + (high[axis] - low[axis]) / 2;
         const Extremes first = walk(low, middle);
-        Lattice start = low;
+        Voxel start = low;
         start[axis] = middle[axis];
         const Extremes second = walk(start, high);
         const Extremes both{std::min(first.least, second.least), std::max(first.most, second.most),
@@ -84,7 +84,7 @@ private:
         return both;
     }
 
-    void join(const Lattice& low, const Lattice& high, const Extremes& sizes, std::size_t before) {
+    void join(const Voxel& low, const Voxel& high, const Extremes& sizes, std::size_t before) {
         const double longest = ((high - low).cast<double>() * image_.spacing.array()).maxCoeff();
         if (sizes.most <= (1.0F + static_cast<float>(kSameShare)) * sizes.least) {
             blocks_.resize(before);
@@ -96,7 +96,7 @@ private:
         }
     }
 
-    Extremes add_voxel(const Lattice& voxel) {
+    Extremes add_voxel(const Voxel& voxel) {
         if (++visited_ % (std::size_t{1} << 16U) == 0) {
             run_.checkpoint();
         }
@@ -105,7 +105,7 @@ private:
             return {};
         }
         const Eigen::Array3d center = voxel.cast<double>();
-        const Lattice parts = parts_of(voxel, size);
+        const Voxel parts = parts_of(voxel, size);
         if ((parts == 1).all()) {
             add(center - 0.5, center + 0.5, size);
             return {size, size, true};
@@ -125,13 +125,13 @@ private:
         return {};
     }
 
-    [[nodiscard]] Lattice clamped(const Lattice& voxel) const {
-        return voxel.max(0).min(Lattice(image_.size[0], image_.size[1], image_.size[2]) - 1);
+    [[nodiscard]] Voxel clamped(const Voxel& voxel) const {
+        return voxel.max(0).min(Voxel(image_.size[0], image_.size[1], image_.size[2]) - 1);
     }
 
     /// How often a voxel is divided along each axis, for parts that are as good as of one size.
-    [[nodiscard]] Lattice parts_of(const Lattice& voxel, float size) const {
-        Lattice parts = Lattice::Ones();
+    [[nodiscard]] Voxel parts_of(const Voxel& voxel, float size) const {
+        Voxel parts = Voxel::Ones();
         for (int axis = 0; axis < 3; ++axis) {
             const double resolved =
                 std::ceil(image_.spacing[axis] / (kFine * static_cast<double>(size)));
@@ -145,10 +145,10 @@ private:
     }
 
     /// Largest difference between neighbours along an axis, at a voxel and those around it.
-    [[nodiscard]] float change_along(const Lattice& voxel, int axis) const {
+    [[nodiscard]] float change_along(const Voxel& voxel, int axis) const {
         float change = 0.0F;
         for (int k = 0; k < 27; ++k) {
-            Lattice offset(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+            Voxel offset(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
             if (offset[axis] == 1) {
                 continue;
             }
@@ -164,12 +164,12 @@ private:
 
     // Between the voxels around that have a wish; the nearest one has.
     [[nodiscard]] float interpolate(const Eigen::Array3d& point) const {
-        const Lattice base = point.floor().cast<int>();
+        const Voxel base = point.floor().cast<int>();
         const Eigen::Array3d share = point - base.cast<double>();
         double sum = 0.0;
         double weights = 0.0;
         for (int corner = 0; corner < 8; ++corner) {
-            const Lattice step(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
+            const Voxel step(corner & 1, corner >> 1 & 1, corner >> 2 & 1);
             const float size = size_at(clamped(base + step));
             if (is_wish(size)) {
                 const double weight = (step == 1).select(share, 1.0 - share).prod();
@@ -248,7 +248,7 @@ void warn_of_coverage(const SizeImage& image, const Points& vertices, RunContext
 }
 
 /// Voxels that touch a box.
-std::pair<Lattice, Lattice> voxels_in(const SizeImage& image, const Box& box) {
+std::pair<Voxel, Voxel> voxels_in(const SizeImage& image, const Box& box) {
     Box local;
     for (unsigned corner = 0; corner < 8; ++corner) {
         local.include(image.local({(corner & 1U) != 0U ? box.high.x() : box.low.x(),
@@ -256,7 +256,7 @@ std::pair<Lattice, Lattice> voxels_in(const SizeImage& image, const Box& box) {
                                    (corner & 4U) != 0U ? box.high.z() : box.low.z()}));
     }
     const Eigen::Array3d size(image.size[0], image.size[1], image.size[2]);
-    const auto voxel = [&](const Vec3& at, double offset) -> Lattice {
+    const auto voxel = [&](const Vec3& at, double offset) -> Voxel {
         const Eigen::Array3d index = (at.array() / image.spacing.array() + offset).floor();
         return index.max(0.0).min(size).cast<int>();
     };

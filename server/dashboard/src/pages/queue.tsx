@@ -313,7 +313,6 @@ function useOlder(page: JobList | null) {
     const [pages, setPages] = useState(0);
     const first = useRef('');
     first.current = page?.next_page_token ?? '';
-    const last = page?.jobs?.at(-1)?.name;
     useEffect(() => {
         let timer: ReturnType<typeof setTimeout> | undefined;
         let isStopped = false;
@@ -340,7 +339,7 @@ function useOlder(page: JobList | null) {
             isStopped = true;
             clearTimeout(timer);
         };
-    }, [pages, last]);
+    }, [pages, first.current]);
     const hasOlder = pages === 0 ? first.current !== '' : next !== '';
     return { older, hasOlder, showOlder: () => setPages(pages + 1) };
 }
