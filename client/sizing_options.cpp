@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "client/choice.h"
+
 namespace remesh::client {
 namespace {
 
@@ -150,6 +152,14 @@ void add_sizing_options(CLI::App& command, v1::Sizing& sizing) {
                [&](double x) { sizing.set_max_size(x); });
     add_number(command, "--gradation", "G", "Growth of sizes over distance, in (0, 0.3]",
                [&](double x) { sizing.set_gradation(x); });
+    add_choice<v1::Sizing::Propagation>(command, "--propagation",
+                                        {{"lipschitz", v1::Sizing::PROPAGATION_LIPSCHITZ},
+                                         {"multigrid", v1::Sizing::PROPAGATION_MULTIGRID},
+                                         {"coupled", v1::Sizing::PROPAGATION_COUPLED}},
+                                        "How sizes spread: by the gradation, or also by diffusion",
+                                        [&](auto x) { sizing.set_propagation(x); });
+    add_number(command, "--reaction", "R", "Of the diffusion, < 0: sizes spread over 1 / sqrt(-R)",
+               [&](double x) { sizing.set_reaction(x); });
     add_number(command, "--size-curvature", "EPS", "Edges may leave the surface by this much",
                [&](double x) { sizing.set_chord_error(x); });
     add_number(command, "--size-across", "N", "Edges across the body, in [1, 16]",

@@ -30,6 +30,9 @@ constexpr double kTetsPerVolume = 9.0;  // Of the A15 lattice, per h^3.
 constexpr double kHopeless = 1.5;       // Times max_tets: not even tried.
 constexpr int kMaxCoarsenings = 10;
 constexpr double kCoarsenMargin = 1.02;  // Of h, as the boundary takes its share.
+constexpr int kGradedIterations = 60;    // Of a relaxation of the volume where sizes vary.
+constexpr int kMostCycles = 10;          // Of a map that diffuses on the particles.
+constexpr double kSettled = 0.01;        // Of the particles; no more come or go in the last cycle.
 
 /// Enters stages and keeps what each one cost.
 class StageClock {
@@ -173,13 +176,42 @@ struct Filling {
     TetComplex delaunay{};
 };
 
-Filling fill(const Domain& domain, const FeatureSet& features, const SizingField& sizing,
+// Population control and relaxation, again and again. A map that diffuses takes a step before each,
+// until hardly a particle comes or goes.
+void repopulate(Filling& filling, const Domain& domain, const SizingMap& map, int passes,
+                const RelaxOptions& relax, StageClock& clock, RunContext& run) {
+    auto& [particles, delaunay] = filling;
+    bool is_settled = false;
+    for (int pass = 0; pass < passes && !is_settled; ++pass) {
+        clock.enter(Stage::Relax);
+        if (map.coupled) {
+            map.coupled->diffuse(particles, delaunay, domain, run);
+        }
+        auto populated = control_population(particles, delaunay, domain, *map.field, run);
+        if (map.coupled) {
+            map.coupled->repopulate(populated.origin);
+            const auto changed = static_cast<double>(populated.inserted + populated.removed);
+            is_settled = changed < kSettled * static_cast<double>(particles.size());
+        }
+        particles = relax_volume(populated.particles, domain, *map.field, relax, run).particles;
+        clock.enter(Stage::Tetrahedralize);
+        delaunay = tetrahedralize(particles.position, run, particles.lattice);
+    }
+}
+
+Filling fill(const Domain& domain, const FeatureSet& features, const SizingMap& map,
              const RemeshOptions& options, StageClock& clock, RunContext& run) {
+    const SizingField& sizing = *map.field;
+    RelaxOptions relax = options.relax;
+    if (!relax.max_volume_iterations && options.sizing.is_graded() && !map.coupled) {
+        relax.max_volume_iterations = kGradedIterations;
+    }
+
     clock.enter(Stage::Seed);
     Particles particles = seed_surface(domain, features, sizing, options.seed, run);
 
     clock.enter(Stage::Relax);
-    particles = relax_surface(particles, domain, features, sizing, options.relax, run).particles;
+    particles = relax_surface(particles, domain, features, sizing, relax, run).particles;
 
     clock.enter(Stage::Seed);
     particles = seed_volume(particles, domain, sizing,
@@ -187,18 +219,16 @@ Filling fill(const Domain& domain, const FeatureSet& features, const SizingField
                             options.seed, run);
 
     clock.enter(Stage::Relax);
-    particles = relax_volume(particles, domain, sizing, options.relax, run).particles;
+    particles = relax_volume(particles, domain, sizing, relax, run).particles;
 
     clock.enter(Stage::Tetrahedralize);
     auto delaunay = tetrahedralize(particles.position, run, particles.lattice);
-    for (int pass = 0; pass < options.population.passes && options.sizing.is_graded(); ++pass) {
-        clock.enter(Stage::Relax);
-        auto populated = control_population(particles, delaunay, domain, sizing, run);
-        particles = relax_volume(populated.particles, domain, sizing, options.relax, run).particles;
-        clock.enter(Stage::Tetrahedralize);
-        delaunay = tetrahedralize(particles.position, run, particles.lattice);
+    Filling filling{std::move(particles), std::move(delaunay)};
+    if (options.sizing.is_graded()) {
+        repopulate(filling, domain, map, map.coupled ? kMostCycles : options.population.passes,
+                   relax, clock, run);
     }
-    return {std::move(particles), std::move(delaunay)};
+    return filling;
 }
 
 // The paper's steps. Nothing if more tets than max_tets would come out; `tets` says how many.
@@ -225,10 +255,10 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     const FeatureSet features = find_features(prepared, h, options.features, run);
 
     clock.enter(Stage::Sizing);
-    const auto sizing =
+    const SizingMap map =
         build_sizing_field(domain, features, h, options.sizing, run, {&input, sizes});
 
-    auto [particles, delaunay] = fill(domain, features, *sizing, options, clock, run);
+    auto [particles, delaunay] = fill(domain, features, map, options, clock, run);
 
     clock.enter(Stage::Carve);
     auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
@@ -255,8 +285,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
                          [&] { result.surface = boundary_surface(improved.mesh); });
     set_patches(options.patches, domain, features, improved, result.surface, run);
     if (options.sizing.return_field) {
-        result.surface_sizes = sizes_at(result.surface.vertices, *sizing, run);
-        result.tet_sizes = sizes_at(improved.mesh.vertices, *sizing, run);
+        result.surface_sizes = sizes_at(result.surface.vertices, *map.field, run);
+        result.tet_sizes = sizes_at(improved.mesh.vertices, *map.field, run);
     }
     if (options.tetrahedra) {
         result.tets = std::move(improved.mesh);

@@ -21,11 +21,12 @@
 #include "core/error.h"
 #include "server/convert.h"
 #include "server/inspect.h"
+#include "server/jobs/process_memory.h"
 
 namespace remesh {
 namespace {
 
-constexpr rlim_t kMaxMemory = rlim_t{6} << 30U;
+constexpr std::int64_t kMaxMemory = std::int64_t{6} << 30;
 constexpr rlim_t kMaxSeconds = 60;
 constexpr rlim_t kMaxFile = rlim_t{3} << 29U;  // Images are files in memory while they are read.
 
@@ -147,7 +148,7 @@ int answer(const std::function<std::string(std::string_view question)>& think) {
         const rlimit both{most, most};
         ::setrlimit(resource, &both);
     };
-    limit(RLIMIT_AS, kMaxMemory);
+    limit_process_memory(kMaxMemory);
     limit(RLIMIT_CPU, kMaxSeconds);
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_FSIZE, kMaxFile);

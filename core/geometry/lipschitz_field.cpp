@@ -22,4 +22,19 @@ double LipschitzField::least_within(const Vec3& center, double radius) const {
     return std::max(best, h_min_);
 }
 
+// Outside of its places a source rises by its gradation, all the way.
+double LipschitzField::h_near_place(const Vec3& center, double radius) const {
+    constexpr double kAllTheWay = 0.75;  // Of the rise over twice the radius.
+    double best = h_max_;
+    for (const auto& source : sources_) {
+        const double rise = 2.0 * radius * source->gradation();
+        const double here = source->least_within(center, 0.0, best);
+        if (here < best &&
+            here - source->least_within(center, 2.0 * radius, here) < kAllTheWay * rise) {
+            best = here;
+        }
+    }
+    return std::max(best, h_min_);
+}
+
 }  // namespace remesh

@@ -20,6 +20,9 @@ public:
 
     [[nodiscard]] double h(const Vec3& point) const override { return least_within(point, 0.0); }
     [[nodiscard]] double least_within(const Vec3& center, double radius) const override;
+    /// h of the sources that have a place, where they ask for a size, at most about `radius` away;
+    /// h_max() if none has.
+    [[nodiscard]] double h_near_place(const Vec3& center, double radius) const;
     [[nodiscard]] double h_min() const override { return h_min_; }
     [[nodiscard]] double h_max() const override { return h_max_; }
     [[nodiscard]] double gradation() const override { return gradation_; }

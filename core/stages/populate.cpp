@@ -66,16 +66,15 @@ public:
         return goes;
     }
 
-    // Middles of edges that get a particle: longest edges first.
-    [[nodiscard]] Points inserted() {
-        Points middles;
+    // Edges that get a particle in their middle: longest first.
+    [[nodiscard]] std::vector<std::array<Index, 2>> divided() {
+        std::vector<std::array<Index, 2>> ends;
         for (auto edge = long_.rbegin(); edge != long_.rend(); ++edge) {
             if (take(*edge)) {
-                middles.emplace_back(
-                    0.5 * (particles_.position[at(edge->a)] + particles_.position[at(edge->b)]));
+                ends.push_back({edge->a, edge->b});
             }
         }
-        return middles;
+        return ends;
     }
 
 private:
@@ -140,10 +139,13 @@ PopulationResult control_population(const Particles& particles, const TetComplex
                                     RunContext& run) {
     Census census(particles, delaunay, run);
     const std::vector<char> goes = census.removed();
-    const Points middles = census.inserted();
+    const std::vector<std::array<Index, 2>> divided = census.divided();
 
-    std::vector<double> h(middles.size(), 0.0);  // Or 0 for one that can't be.
-    for_each_index(middles.size(), run, [&](std::size_t k) {
+    Points middles(divided.size());
+    std::vector<double> h(divided.size(), 0.0);  // Or 0 for one that can't be.
+    for_each_index(divided.size(), run, [&](std::size_t k) {
+        const auto& [a, b] = divided[k];
+        middles[k] = 0.5 * (particles.position[at(a)] + particles.position[at(b)]);
         const double wanted = sizing.h(middles[k]);
         if (!domain.closest_within(middles[k], kWall * wanted) &&
             domain.region_at(middles[k]) != 0) {
@@ -157,12 +159,14 @@ PopulationResult control_population(const Particles& particles, const TetComplex
         if (goes[i] == 0) {
             result.particles.add(particles.position[i], particles.kind[i], particles.anchor[i],
                                  particles.h[i], particles.normal[i]);
+            result.origin.push_back({static_cast<Index>(i), static_cast<Index>(i)});
         }
     }
     result.removed = static_cast<std::int64_t>(particles.size() - result.particles.size());
     for (std::size_t k = 0; k < middles.size(); ++k) {
         if (h[k] > 0.0) {
             result.particles.add(middles[k], ParticleKind::Volume, kNone, h[k], Vec3::Zero());
+            result.origin.push_back(divided[k]);
             ++result.inserted;
         }
     }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <vector>
 
 #include "core/exact/delaunay.h"
 #include "core/geometry/domain.h"
@@ -17,6 +19,8 @@ struct PopulationOptions {
 
 struct PopulationResult {
     Particles particles{};  ///< Those that were there in their order, then the new ones.
+    std::vector<std::array<Index, 2>>
+        origin{};  ///< Of each: itself before, twice, or the ends of the edge it came into.
     std::int64_t inserted = 0;
     std::int64_t removed = 0;
 };

@@ -18,12 +18,13 @@ constexpr double kCurveCutoff = 2.0;          // rc over h: reaches the next par
 constexpr double kSurfaceCutoff = 1.33;       // Beyond the first ring of neighbours.
 constexpr double kVolumeCutoff = 1.14;        // Between the shells; from 1.3 on the lattice melts.
 constexpr double kGradedVolumeCutoff = 1.09;  // Where h varies there is no lattice to keep.
-constexpr double kPlateau = 0.97;             // Of the largest h: what has more is on its lattice.
-constexpr double kOpposed = -0.2;             // Cosine of normals on two sides of a thin sheet.
-constexpr double kSlide = 0.05;               // Slides this far over h before it is snapped.
-constexpr double kTooClose = 0.4;             // Surface particles closer than this times h merge.
-constexpr double kWall = 0.4;                 // Volume particles stay this far over h inside.
-constexpr double kSurfaceShare = 0.7;         // Of the stage's progress.
+constexpr int kVolumeIterations = 25;
+constexpr double kPlateau = 0.97;      // Of the largest h: what has more is on its lattice.
+constexpr double kOpposed = -0.2;      // Cosine of normals on two sides of a thin sheet.
+constexpr double kSlide = 0.05;        // Slides this far over h before it is snapped.
+constexpr double kTooClose = 0.4;      // Surface particles closer than this times h merge.
+constexpr double kWall = 0.4;          // Volume particles stay this far over h inside.
+constexpr double kSurfaceShare = 0.7;  // Of the stage's progress.
 
 std::size_t at(Index i) {
     return static_cast<std::size_t>(i);
@@ -252,8 +253,8 @@ void validate(const RelaxOptions& options) {
           options.charge_exponent >= 1.0 && options.charge_exponent <= 6.0, "in [1, 6]");
     check("max_surface_iterations", options.max_surface_iterations,
           options.max_surface_iterations >= 0, ">= 0");
-    check("max_volume_iterations", options.max_volume_iterations,
-          options.max_volume_iterations >= 0, ">= 0");
+    const int volume_iterations = options.max_volume_iterations.value_or(0);
+    check("max_volume_iterations", volume_iterations, volume_iterations >= 0, ">= 0");
     check("tolerance", options.tolerance, is_positive(options.tolerance), "> 0 and finite");
     check("active_depth", options.active_depth, is_positive(options.active_depth),
           "> 0 and finite");
@@ -356,7 +357,8 @@ RelaxResult relax_volume(const Particles& particles, const Domain& domain,
     WallBond inside(moved, moving, domain, std::move(clearance), std::move(facet),
                     static_cast<std::int64_t>(boundary.size()));
     Swarm swarm(moved, moving, present, sizing, options, pair, inside);
-    const SwarmState state = swarm.relax(options.max_volume_iterations, kSurfaceShare, 1.0, run);
+    const SwarmState state = swarm.relax(options.max_volume_iterations.value_or(kVolumeIterations),
+                                         kSurfaceShare, 1.0, run);
     update_h(moved, moving, sizing, run);
     return {.particles = std::move(moved),
             .iterations = state.iterations,

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include "core/geometry/domain.h"
 #include "core/geometry/particles.h"
 #include "core/geometry/sizing_field.h"
@@ -26,9 +28,10 @@ struct RelaxOptions {
     Integrator integrator = Integrator::DampedDynamics;
     double mass = 0.6;      ///< M of the paper, in units of stiffness times time step squared, > 0.
     double damping = 0.12;  ///< D of the paper, as a fraction of critical damping, in (0, 2].
-    double charge_exponent = 2.0;      ///< p of the power law, in [1, 6].
-    int max_surface_iterations = 120;  ///< >= 0.
-    int max_volume_iterations = 25;    ///< >= 0.
+    double charge_exponent = 2.0;                ///< p of the power law, in [1, 6].
+    int max_surface_iterations = 120;            ///< >= 0.
+    std::optional<int> max_volume_iterations{};  ///< >= 0; absent: 25, or 60 in a run whose sizes
+                                                 ///< vary, as there is no lattice to start from.
     double tolerance =
         1e-3;  ///< Converged once the rms step to equilibrium is below tolerance * h, > 0.
     double active_depth =

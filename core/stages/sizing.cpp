@@ -11,6 +11,7 @@
 #include "core/geometry/sample_source.h"
 #include "core/parallel.h"
 #include "core/stages/sizing/curvature.h"
+#include "core/stages/sizing/diffused_map.h"
 #include "core/stages/sizing/image.h"
 #include "core/stages/sizing/probes.h"
 #include "core/stages/sizing/regions.h"
@@ -220,6 +221,51 @@ void check_region(const SizingRegion& region, const std::string& field) {
     }
 }
 
+// What asks for sizes that spread by the gradation.
+Sources spreading_sources(const Domain& domain, const FeatureSet& features,
+                          const SizingOptions& options, double h_min, double h_max, RunContext& run,
+                          const VertexSizes& wishes) {
+    Sources sources;
+    if (options.chord_error || options.elements_across) {
+        const SurfaceSizes sizes(domain, features, options, h_min, h_max);
+        std::vector<SizingSample> samples;
+        if (options.chord_error) {
+            sizes.add_curvature(samples, run);
+        }
+        run.report(0.3);
+        if (options.elements_across) {
+            sizes.add_thickness(samples, run);
+        }
+        sources.push_back(std::make_shared<SampleSource>(std::move(samples), options.gradation));
+    }
+    if (!options.vertex_field.empty()) {
+        sources.push_back(std::make_shared<SampleSource>(
+            sizes_at_vertices(wishes, h_min, h_max, run), options.gradation));
+    }
+    if (options.image) {
+        sources.push_back(make_image_source(*options.image, domain.boundary(), options.gradation,
+                                            h_min, h_max, run));
+    }
+    for (const SizingRegion& region : options.regions) {
+        if (!region.growth) {
+            sources.push_back(make_region(region, options.gradation));
+        }
+    }
+    return sources;
+}
+
+// What says itself how its sizes grow.
+void add_grown_sources(const Domain& domain, const SizingOptions& options, Sources& sources) {
+    for (const SizingRegion& region : options.regions) {
+        if (region.growth) {
+            sources.push_back(make_region(region, options.gradation));
+        }
+    }
+    if (options.layer) {
+        sources.push_back(make_layer(domain, *options.layer));
+    }
+}
+
 }  // namespace
 
 double min_size_of(const SizingOptions& options, double edge_length) {
@@ -232,6 +278,14 @@ void validate(const SizingOptions& options, std::optional<double> edge_length) {
                     options.min_factor > 0.0 && options.min_factor <= 1.0, "in (0, 1]");
     Checker::number("gradation", options.gradation,
                     options.gradation > 0.0 && options.gradation <= kMaxGradation, "in (0, 0.3]");
+    if (options.reaction) {
+        Checker::number("reaction", *options.reaction,
+                        std::isfinite(*options.reaction) && *options.reaction < 0.0,
+                        "< 0, or there is no steady state");
+        Checker::number("reaction", *options.reaction,
+                        options.propagation != Propagation::Lipschitz,
+                        "absent where propagation isn't multigrid or coupled");
+    }
     for (const auto& [field, value] :
          {std::pair{"min_size", options.min_size}, std::pair{"max_size", options.max_size},
           std::pair{"chord_error", options.chord_error}}) {
@@ -263,41 +317,25 @@ void validate(const SizingOptions& options, std::optional<double> edge_length) {
     }
 }
 
-std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
-                                                      const FeatureSet& features,
-                                                      double edge_length,
-                                                      const SizingOptions& options, RunContext& run,
-                                                      const VertexSizes& wishes) {
+SizingMap build_sizing_field(const Domain& domain, const FeatureSet& features, double edge_length,
+                             const SizingOptions& options, RunContext& run,
+                             const VertexSizes& wishes) {
     validate(options, edge_length);
     const double h_max = options.max_size.value_or(edge_length);
     const double h_min = min_size_of(options, edge_length);
-    Sources sources;
-    if (options.chord_error || options.elements_across) {
-        const SurfaceSizes sizes(domain, features, options, h_min, h_max);
-        std::vector<SizingSample> samples;
-        if (options.chord_error) {
-            sizes.add_curvature(samples, run);
-        }
-        run.report(0.4);
-        if (options.elements_across) {
-            sizes.add_thickness(samples, run);
-        }
-        sources.push_back(std::make_shared<SampleSource>(std::move(samples), options.gradation));
+    Sources sources = spreading_sources(domain, features, options, h_min, h_max, run, wishes);
+    std::optional<MapToSpread> map;
+    if (options.propagation != Propagation::Lipschitz && !sources.empty()) {
+        const LipschitzField demands(sources, h_min, h_max);
+        map = {demands, options.gradation,
+               options.reaction.value_or(
+                   reaction_for(demands.h_min(), demands.h_max(), options.gradation))};
     }
-    if (!options.vertex_field.empty()) {
-        sources.push_back(std::make_shared<SampleSource>(
-            sizes_at_vertices(wishes, h_min, h_max, run), options.gradation));
+    run.report(0.5);
+    if (map && options.propagation == Propagation::Multigrid) {
+        sources.push_back(spread_on_coarse_mesh(*map, domain, run));
     }
-    if (options.image) {
-        sources.push_back(make_image_source(*options.image, domain.boundary(), options.gradation,
-                                            h_min, h_max, run));
-    }
-    for (const SizingRegion& region : options.regions) {
-        sources.push_back(make_region(region, options.gradation));
-    }
-    if (options.layer) {
-        sources.push_back(make_layer(domain, *options.layer));
-    }
+    add_grown_sources(domain, options, sources);
     run.report(0.7);
     if (options.guard_thickness && options.min_factor < kWorthIt) {
         auto samples =
@@ -308,11 +346,15 @@ std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
         }
     }
     run.report(1.0);
-    auto field = std::make_shared<LipschitzField>(std::move(sources), h_min, h_max);
-    if (field->is_uniform()) {
-        return std::make_shared<UniformSizing>(h_max);
+    LipschitzField field(std::move(sources), h_min, h_max);
+    if (field.is_uniform()) {
+        return {.field = std::make_shared<UniformSizing>(h_max)};
     }
-    return field;
+    if (map && options.propagation == Propagation::Coupled) {
+        auto coupled = std::make_shared<CoupledSizing>(std::move(field), std::move(*map));
+        return {.field = coupled, .coupled = coupled};
+    }
+    return {.field = std::make_shared<LipschitzField>(std::move(field))};
 }
 
 }  // namespace remesh

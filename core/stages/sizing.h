@@ -11,6 +11,7 @@
 #include "core/geometry/sizing_field.h"
 #include "core/run_context.h"
 #include "core/stages/features.h"
+#include "core/stages/sizing/diffused_map.h"
 
 namespace remesh {
 
@@ -45,6 +46,14 @@ struct SizingRegion {
         growth{};  ///< Around it, from one layer to the next, in (1, 1.25]; absent: by gradation.
 };
 
+/// How sizes spread from where they are asked for.
+enum class Propagation {
+    Lipschitz,  ///< h grows by the gradation, exactly: the coarsest map that honours all demands.
+    Multigrid,  ///< Also, dc/dt = div grad c + R c with c = ln(max_size / h), the paper's
+                ///< diffusion, to its steady state on a coarse uniform mesh of the body.
+    Coupled,  ///< The same on the particles themselves, a step each time they are repopulated.
+};
+
 /// What asks for smaller edges than usual, and where. All demands are combined by their minimum.
 struct SizingOptions {
     bool guard_thickness =
@@ -56,6 +65,10 @@ struct SizingOptions {
     std::optional<double> max_size{};  ///< Where nothing asks for less. Absent: the edge length.
     double gradation = 0.2;  ///< How fast h may grow with distance, in (0, 0.3]; a region or layer
                              ///< with a growth of its own has its own.
+    Propagation propagation = Propagation::Lipschitz;
+    std::optional<double> reaction{};  ///< R of the diffusion, 1 / (model unit)^2, < 0, as there is
+                                       ///< no steady state otherwise: sizes spread over
+                                       ///< 1 / sqrt(-R). Absent: by gradation and sizes.
 
     std::optional<double> chord_error{};      ///< Curvature: edges may leave the surface by this
                                               ///< much, model units, > 0.
@@ -80,6 +93,12 @@ struct VertexSizes {
     std::vector<double> sizes{};  ///< #V, model units, > 0, or NaN for no wish.
 };
 
+/// h(x), and how it goes on.
+struct SizingMap {
+    std::shared_ptr<const SizingField> field{};
+    std::shared_ptr<CoupledSizing> coupled{};  ///< The field itself where it diffuses on particles.
+};
+
 /// Builds h(x): uniform, or refined where the options ask for it and graded from there.
 ///
 /// The field keeps a reference to `domain`.
@@ -87,11 +106,9 @@ struct VertexSizes {
 /// \param edge_length  h where nothing asks for another, model units, > 0
 /// \param wishes       needed if options.vertex_field is named
 /// \throws Error{InvalidInput} if an option is out of range, or the image lies elsewhere
-std::shared_ptr<const SizingField> build_sizing_field(const Domain& domain,
-                                                      const FeatureSet& features,
-                                                      double edge_length,
-                                                      const SizingOptions& options, RunContext& run,
-                                                      const VertexSizes& wishes = {});
+SizingMap build_sizing_field(const Domain& domain, const FeatureSet& features, double edge_length,
+                             const SizingOptions& options, RunContext& run,
+                             const VertexSizes& wishes = {});
 
 /// options.min_size, or what it is if absent. \param edge_length  h where nothing asks for another
 double min_size_of(const SizingOptions& options, double edge_length);

@@ -115,8 +115,9 @@ void read(const v1::Relaxation& from, RelaxOptions& to) {
     to.charge_exponent = from.has_charge_exponent() ? from.charge_exponent() : to.charge_exponent;
     to.max_surface_iterations = from.has_max_surface_iterations() ? from.max_surface_iterations()
                                                                   : to.max_surface_iterations;
-    to.max_volume_iterations =
-        from.has_max_volume_iterations() ? from.max_volume_iterations() : to.max_volume_iterations;
+    if (from.has_max_volume_iterations()) {
+        to.max_volume_iterations = from.max_volume_iterations();
+    }
     to.tolerance = from.has_tolerance() ? from.tolerance() : to.tolerance;
 }
 
@@ -203,7 +204,9 @@ v1::Options to_proto(const RemeshOptions& from) {
     relaxation->set_charge_exponent(from.relax.charge_exponent);
     relaxation->set_preload(from.seed.preload);
     relaxation->set_max_surface_iterations(from.relax.max_surface_iterations);
-    relaxation->set_max_volume_iterations(from.relax.max_volume_iterations);
+    if (from.relax.max_volume_iterations) {
+        relaxation->set_max_volume_iterations(*from.relax.max_volume_iterations);
+    }
     relaxation->set_tolerance(from.relax.tolerance);
     relaxation->set_population_passes(from.population.passes);
     auto* improvement = to.mutable_improvement();

@@ -91,6 +91,24 @@ v1::SizingRegion to_proto(const SizingRegion& from) {
     return to;
 }
 
+Propagation to_core(v1::Sizing::Propagation propagation, Propagation otherwise) {
+    switch (propagation) {
+        case v1::Sizing::PROPAGATION_LIPSCHITZ: return Propagation::Lipschitz;
+        case v1::Sizing::PROPAGATION_MULTIGRID: return Propagation::Multigrid;
+        case v1::Sizing::PROPAGATION_COUPLED: return Propagation::Coupled;
+        default: return otherwise;
+    }
+}
+
+v1::Sizing::Propagation to_proto(Propagation propagation) {
+    switch (propagation) {
+        case Propagation::Lipschitz: return v1::Sizing::PROPAGATION_LIPSCHITZ;
+        case Propagation::Multigrid: return v1::Sizing::PROPAGATION_MULTIGRID;
+        case Propagation::Coupled: return v1::Sizing::PROPAGATION_COUPLED;
+    }
+    return v1::Sizing::PROPAGATION_UNSPECIFIED;
+}
+
 }  // namespace
 
 SizingOptions to_core(const v1::Sizing& from) {
@@ -103,6 +121,10 @@ SizingOptions to_core(const v1::Sizing& from) {
         to.max_size = from.max_size();
     }
     to.gradation = from.has_gradation() ? from.gradation() : to.gradation;
+    to.propagation = to_core(from.propagation(), to.propagation);
+    if (from.has_reaction()) {
+        to.reaction = from.reaction();
+    }
     if (from.has_chord_error()) {
         to.chord_error = from.chord_error();
     }
@@ -133,6 +155,10 @@ v1::Sizing to_proto(const SizingOptions& from) {
         to.set_max_size(*from.max_size);
     }
     to.set_gradation(from.gradation);
+    to.set_propagation(to_proto(from.propagation));
+    if (from.reaction) {
+        to.set_reaction(*from.reaction);
+    }
     if (from.chord_error) {
         to.set_chord_error(*from.chord_error);
     }

@@ -15,9 +15,11 @@ std::int64_t resident_bytes() {
     return file ? resident * ::sysconf(_SC_PAGESIZE) : 0;
 }
 
-void limit_process_memory(std::int64_t bytes) {
+void limit_process_memory([[maybe_unused]] std::int64_t bytes) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     const rlimit limit{static_cast<rlim_t>(bytes), static_cast<rlim_t>(bytes)};
     ::setrlimit(RLIMIT_DATA, &limit);
+#endif
 }
 
 }  // namespace remesh

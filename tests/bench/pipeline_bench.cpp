@@ -53,7 +53,7 @@ struct Prefix {
         RunContext run;
         prepared = prepare_surface(input(), h, {}, run);
         features = find_features(prepared, h, {}, run);
-        sizing = build_sizing_field(domain(), features, h, {}, run);
+        sizing = build_sizing_field(domain(), features, h, {}, run).field;
         darts = seed_surface(domain(), features, *sizing, {}, run);
         surface = relax_surface(darts, domain(), features, *sizing, {}, run).particles;
         lattice = seed_volume(surface, domain(), *sizing, std::nullopt, {}, run);

@@ -36,6 +36,15 @@ TEST(SizingFlags, LeaveAbsentWhatIsntGiven) {
     EXPECT_EQ(parsed({}).ByteSizeLong(), 0U);
 }
 
+TEST(SizingFlags, ChooseHowSizesSpread) {
+    const v1::Sizing sizing = parsed({"--propagation", "multigrid", "--reaction", "-0.25"});
+
+    EXPECT_EQ(sizing.propagation(), v1::Sizing::PROPAGATION_MULTIGRID);
+    EXPECT_EQ(sizing.reaction(), -0.25);
+    EXPECT_THAT(refusal_of({"--propagation", "diffusion"}),
+                HasSubstr("lipschitz, multigrid, coupled"));
+}
+
 TEST(SizingFlags, SetNumbers) {
     const v1::Sizing sizing =
         parsed({"--min-size", "0.5", "--max-size", "4", "--gradation", "0.1", "--size-curvature",

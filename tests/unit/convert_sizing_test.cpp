@@ -17,6 +17,8 @@ v1::Sizing full() {
     sizing.set_min_size(0.1);
     sizing.set_max_size(4.0);
     sizing.set_gradation(0.15);
+    sizing.set_propagation(v1::Sizing::PROPAGATION_COUPLED);
+    sizing.set_reaction(-0.25);
     sizing.set_chord_error(0.05);
     sizing.set_elements_across(3.0);
     sizing.mutable_boundary_layer()->set_first_size(0.4);

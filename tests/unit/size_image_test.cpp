@@ -428,7 +428,7 @@ std::shared_ptr<const SizingField> field_of(SizeImage image, double max_size,
     options.max_size = max_size;
     options.image = std::make_shared<SizeImage>(std::move(image));
     const SphereDomain ball(10.0);
-    return build_sizing_field(ball, {}, 1.0, options, run);
+    return build_sizing_field(ball, {}, 1.0, options, run).field;
 }
 
 Vec3 random_point(std::uint64_t i) {

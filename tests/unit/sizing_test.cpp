@@ -37,7 +37,7 @@ std::shared_ptr<const SizingField> field_of(const Domain& domain, double h,
                                             const SizingOptions& options = {},
                                             const FeatureSet& features = {}) {
     RunContext run;
-    return build_sizing_field(domain, features, h, options, run);
+    return build_sizing_field(domain, features, h, options, run).field;
 }
 
 std::string refusal_of(const SizingOptions& options) {
@@ -217,7 +217,8 @@ TEST(BuildSizingField, TakesSizesAtVerticesAndBetweenThem) {
         wishes.sizes.push_back(x.z() > 0.0 ? 0.05 + 0.1 * x.z() : std::nan(""));
     }
     RunContext run;
-    const auto field = build_sizing_field(sphere, {}, 0.1, {.vertex_field = "size"}, run, wishes);
+    const auto field =
+        build_sizing_field(sphere, {}, 0.1, {.vertex_field = "size"}, run, wishes).field;
 
     EXPECT_NEAR(field->h(Vec3(0.8, 0.0, 0.6)), 0.1, 1e-12);
     EXPECT_NEAR(field->h(Vec3(0.96, 0.0, 0.28)), 0.078, 0.004);
