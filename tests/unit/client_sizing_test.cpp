@@ -42,7 +42,7 @@ TEST(SizingFlags, ChooseHowSizesSpread) {
     EXPECT_EQ(sizing.propagation(), v1::Sizing::PROPAGATION_MULTIGRID);
     EXPECT_EQ(sizing.reaction(), -0.25);
     EXPECT_THAT(refusal_of({"--propagation", "diffusion"}),
-                HasSubstr("lipschitz, multigrid, coupled"));
+                HasSubstr("{coupled,lipschitz,multigrid}"));
 }
 
 TEST(SizingFlags, SetNumbers) {
