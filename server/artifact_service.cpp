@@ -24,22 +24,21 @@ ArtifactService::ArtifactService(TransferRoom room, Inspector inspector,
 grpc::ServerUnaryReactor* ArtifactService::FindMissingArtifacts(
     grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
     v1::FindMissingArtifactsResponse* reply) {
-    return answer(
-        room_.gate, room_.executor, context, kFindMissing,
-        [=, this](const Principal& who, std::string&) {
-            if (request->digests_size() > kMaxDigests) {
-                throw JobError(
-                    {FieldProblem{"digests", "digests must be at most 1000, got " +
-                                                 std::to_string(request->digests_size())}});
-            }
-            for (int i = 0; i < request->digests_size(); ++i) {
-                const v1::Digest& digest = request->digests(i);
-                const auto artifact = artifact_of(digest, "digests[" + std::to_string(i) + "]");
-                if (!room_.artifacts.find(who.tenant, artifact.sha256)) {
-                    *reply->add_missing() = digest;
-                }
-            }
-        });
+    return answer(room_.gate, room_.executor, context, kFindMissing,
+                  [=, this](const Principal& who, std::string&) {
+                      if (request->digests_size() > kMaxDigests) {
+                          refuse("digests", "must be at most 1000, got " +
+                                                std::to_string(request->digests_size()));
+                      }
+                      for (int i = 0; i < request->digests_size(); ++i) {
+                          const v1::Digest& digest = request->digests(i);
+                          const auto artifact =
+                              artifact_of(digest, "digests[" + std::to_string(i) + "]");
+                          if (!room_.artifacts.find(who.tenant, artifact.sha256)) {
+                              *reply->add_missing() = digest;
+                          }
+                      }
+                  });
 }
 
 grpc::ServerReadReactor<v1::UploadArtifactRequest>* ArtifactService::UploadArtifact(
@@ -70,8 +69,8 @@ grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* ArtifactService::Downloa
 v1::Inspection ArtifactService::inspect(const std::string& tenant,
                                         const v1::InspectArtifactRequest& request) {
     if (request.file_name().size() > kMaxFileName) {
-        throw JobError({FieldProblem{"file_name", "file_name must have at most 255 bytes, got " +
-                                                      std::to_string(request.file_name().size())}});
+        refuse("file_name",
+               "must have at most 255 bytes, got " + std::to_string(request.file_name().size()));
     }
     const auto artifact = room_.artifacts.find(tenant, request.sha256());
     if (!artifact) {

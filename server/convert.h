@@ -64,6 +64,9 @@ void require_sha256(const std::string& sha256, const std::string& field);
 
 // Errors.
 
+/// \throws JobError{BadRequest} saying "`field` `rule`", as in "page_size must be in [0, 1000]"
+[[noreturn]] void refuse(const std::string& field, const std::string& rule);
+
 /// A status that no error of the rooms below stands for.
 class StatusError : public std::exception {
 public:

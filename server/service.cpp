@@ -30,10 +30,6 @@ constexpr Rule kRetry{"RetryJob", Role::User, true};
 constexpr Rule kDelete{"DeleteJob", Role::User, true};
 constexpr Rule kCapabilities{"GetCapabilities", Role::Viewer, false};
 
-[[noreturn]] void refuse(const std::string& field, const std::string& message) {
-    throw JobError({FieldProblem{field, field + " " + message}});
-}
-
 void check_request_id(const std::string& id) {
     if (id.size() > kMaxRequestId) {
         refuse("request_id", "must have at most 128 characters, got " + std::to_string(id.size()));

@@ -27,10 +27,6 @@ std::size_t chunk_bytes(int transfers) {
                       kMinChunkBytes, kMaxChunkBytes);
 }
 
-[[noreturn]] void refuse(const std::string& field, const std::string& message) {
-    throw JobError({FieldProblem{field, field + " " + message}});
-}
-
 /// Asked with every chunk: a credential may end while a caller takes its time.
 grpc::Status may_go_on(Gate& gate, const Principal& who) {
     try {

@@ -5,15 +5,13 @@
 #include <limits>
 #include <utility>
 
+#include "core/mesh/index.h"
+
 namespace remesh {
 namespace {
 
 constexpr Index kLeafSize = 8;
 constexpr std::size_t kMaxDepth = 64;  // Halving 2^31 blocks takes 28.
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 }  // namespace
 

@@ -3,12 +3,10 @@
 #include <cmath>
 #include <limits>
 
+#include "core/mesh/index.h"
+
 namespace remesh {
 namespace {
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 // A row count that a box thousands of h wide can't blow up.
 constexpr double kMaxRowsPerMember = 8.0;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -12,10 +13,6 @@ namespace {
 
 constexpr Index kLeafSize = 8;
 constexpr std::size_t kMaxDepth = 64;  // Halving 2^31 samples takes 28.
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 }  // namespace
 

@@ -11,7 +11,6 @@ namespace remesh::image {
 namespace {
 
 constexpr std::size_t kMaxHeader = 1 << 16;
-constexpr double kBestRatio = 1100.0;  // Deflate can't do better than 1032:1.
 
 }  // namespace
 
@@ -40,7 +39,8 @@ std::uint64_t checked_bytes(const PlainImage& plain, std::uint64_t bytes_per_vox
 void take_voxels(PlainImage& plain, std::string_view rest, bool is_compressed, std::uint64_t bytes,
                  std::string_view format, std::size_t file_size) {
     if (is_compressed) {
-        io::InflateBudget budget(file_size, {.max_bytes = bytes, .max_expansion = kBestRatio});
+        io::InflateBudget budget(
+            file_size, {.max_bytes = bytes, .max_expansion = static_cast<double>(io::kBestRatio)});
         io::inflate_block(rest, bytes, budget, std::string(format) + ": the voxels",
                           plain.inflated);
         plain.voxels = {};

@@ -14,7 +14,6 @@ constexpr std::size_t kHeaderBytes = 348;
 constexpr std::size_t kSecondVersionBytes = 540;
 constexpr std::size_t kDataOffset = 352;  // Of the file that we make.
 constexpr std::size_t kMostExtensions = 1 << 24;
-constexpr std::size_t kBestRatio = 1032;  // Of deflate.
 
 // Where the header has what.
 constexpr std::size_t kDimensions = 40;    // 8 int16: how many, and the size along each.
@@ -180,11 +179,7 @@ PlainImage plain_nifti(std::string_view bytes, const ImageLimits& limits) {
                     bytes.size());
         return plain;
     }
-    if ((offset + size) / kBestRatio > bytes.size()) {
-        throw Error(ErrorCode::InvalidInput, "NIfTI: the file can't hold " +
-                                                 io::grouped(offset + size) + " bytes in " +
-                                                 io::grouped(bytes.size()) + " compressed ones");
-    }
+    io::require_can_hold(bytes.size(), offset + size, "NIfTI: the file");
     plain.inflated = io::gunzip_head(bytes, offset + size);
     if (plain.inflated.size() < offset + size) {
         throw Error(ErrorCode::InvalidInput, "NIfTI: the file is damaged or ends early, after " +

@@ -13,8 +13,6 @@ namespace {
 
 using namespace std::string_view_literals;
 
-constexpr std::size_t kHead = 4096;
-
 struct Signature {
     std::size_t offset;
     std::string_view bytes;

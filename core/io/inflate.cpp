@@ -136,15 +136,17 @@ std::string gunzip_head(std::string_view bytes, std::size_t size) {
     return head;
 }
 
-void inflate_block(std::string_view compressed, std::uint64_t size, InflateBudget& budget,
-                   const std::string& what, std::string& out) {
-    // Deflate can't do better than 1032:1, so a larger claim needn't be tried.
-    constexpr std::uint64_t kBestRatio = 1032;
-    if (size / kBestRatio > compressed.size()) {
+void require_can_hold(std::size_t compressed, std::uint64_t size, const std::string& what) {
+    if (size / kBestRatio > compressed) {
         throw Error(ErrorCode::InvalidInput,
                     what + " can't hold " + grouped(static_cast<std::size_t>(size)) + " bytes in " +
-                        grouped(compressed.size()) + " compressed ones");
+                        grouped(compressed) + " compressed ones");
     }
+}
+
+void inflate_block(std::string_view compressed, std::uint64_t size, InflateBudget& budget,
+                   const std::string& what, std::string& out) {
+    require_can_hold(compressed.size(), size, what);
     budget.charge(size);
     const std::size_t before = out.size();
     out.resize(before + static_cast<std::size_t>(size));

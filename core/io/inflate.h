@@ -33,6 +33,14 @@ private:
 /// The first `size` bytes of what a gzip file holds, or fewer. Never throws for damaged data.
 [[nodiscard]] std::string gunzip_head(std::string_view bytes, std::size_t size);
 
+/// What deflate can do at best: bytes for each compressed one.
+inline constexpr std::uint64_t kBestRatio = 1032;
+
+/// To be asked before memory is taken for what a file says it holds.
+/// \param what  names what holds the compressed bytes, e.g. "VTP: array 'Points'"
+/// \throws Error{InvalidInput} if so many compressed bytes can't hold `size`
+void require_can_hold(std::size_t compressed, std::uint64_t size, const std::string& what);
+
 /// Inflates one zlib or gzip stream that must yield exactly `size` bytes, and appends them.
 /// \param what  names the array in errors, e.g. "VTP: array 'Points'"
 /// \throws Error{InvalidInput} if it doesn't, Error{TooLarge} beyond the budget

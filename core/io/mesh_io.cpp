@@ -97,8 +97,7 @@ ReadResult read_surface(std::string_view bytes, std::string_view name_hint,
         return read_plain(without_mark(bytes), name_hint, limits, size_field, budget);
     }
     // Tells what it is before anything large is inflated.
-    constexpr std::size_t kHead = 4096;
-    io::refuse_other_formats(io::gunzip_head(bytes, kHead));
+    io::refuse_other_formats(io::gunzip_head(bytes, io::kHead));
     const std::string plain = io::gunzip(bytes, budget);
     if (io::is_gzip(plain)) {
         throw Error(ErrorCode::InvalidInput, "the file is gzipped twice");

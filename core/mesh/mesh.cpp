@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include "core/mesh/tet_corners.h"
+
 namespace remesh {
 namespace {
-
-// Faces of a tet, each facing away from the corner it lies opposite of.
-constexpr std::array<std::array<int, 3>, 4> kFaces{{{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
 /// A face by its two larger corners; faces with the same smallest corner are looked at together.
 struct Face {
@@ -18,8 +17,7 @@ struct Face {
 std::array<Index, 3> corners_of(const std::vector<Tet>& tets, std::uint32_t id) {
     const auto& tet = tets[id / 4];
     const auto& face = kFaces[id % 4];
-    return {tet[static_cast<std::size_t>(face[0])], tet[static_cast<std::size_t>(face[1])],
-            tet[static_cast<std::size_t>(face[2])]};
+    return {tet[face[0]], tet[face[1]], tet[face[2]]};
 }
 
 /// Ids of all faces, grouped by their smallest corner: those of vertex v stand from first[v] on.

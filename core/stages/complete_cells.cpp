@@ -4,18 +4,12 @@
 #include <tuple>
 #include <utility>
 
+#include "core/mesh/index.h"
+#include "core/mesh/tet_corners.h"
 #include "core/parallel.h"
 
 namespace remesh {
 namespace {
-
-// Corners of the face opposite of each corner of a tet, facing outward.
-constexpr std::array<std::array<std::size_t, 3>, 4> kFaces{
-    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 CellFace face_of(const std::vector<Tet>& tets, std::size_t t, std::size_t corner) {
     const Tet& tet = tets[t];

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 #include "core/stages/complete_cells.h"
 
@@ -18,10 +19,6 @@ namespace {
 constexpr double kLayers = 2.5;               // Of points that a slab sees beyond its own.
 constexpr std::size_t kLeastPoints = 20'000;  // Of a slab that is worth a thread.
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 std::size_t points_in_layers(std::size_t points) {
     return static_cast<std::size_t>(kLayers * std::pow(static_cast<double>(points), 2.0 / 3.0)) + 1;

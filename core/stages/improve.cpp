@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 #include "core/stages/improve/boundary_guard.h"
 #include "core/stages/improve/flips.h"
@@ -20,7 +21,6 @@
 namespace remesh {
 namespace {
 
-using improve::at;
 using improve::index;
 
 constexpr int kMaxRounds = 6;

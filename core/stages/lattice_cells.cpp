@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -24,10 +25,6 @@ constexpr std::size_t kMiddle = 13;  // Itself.
 constexpr std::size_t kParts = 4;    // Along each edge of a cell, to look up spheres.
 
 using Cell = std::array<std::int32_t, 3>;
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 Cell offset_of(std::size_t around) {
     const auto k = static_cast<std::int32_t>(around);

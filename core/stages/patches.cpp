@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/geometry/edge_table.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 #include "core/stages/close_holes.h"
 #include "core/stages/surface_math.h"
@@ -18,10 +19,6 @@ constexpr int kSweeps = 3;              // Of smoothing the borders.
 constexpr double kNearCorner = 2. / 3;  // Weight of the corner in its point.
 constexpr std::int32_t kPinhole = 12;   // Fewer triangles that close a hole join what is around it.
 constexpr double kOnCurve = 0.25;       // Of its length an edge's middle may lie off its curve.
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 using Votes = std::array<std::int32_t, kVotes>;
 

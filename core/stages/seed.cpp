@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/geometry/curve_track.h"
 #include "core/geometry/dart_grid.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -24,10 +25,6 @@ constexpr double kTrianglesPerArea = 1.0 / 0.8660254037844386;  // Particles per
 // Every round throws one dart per particle wanted. Darts of a round are spread evenly, so that
 // this few rounds fill the surface to one particle per 0.866 h^2 at the default radius.
 constexpr int kRounds = 20;
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 void check_count(double count, const SeedOptions& options) {
     if (!(count <= static_cast<double>(options.max_particles))) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/mesh/tet_corners.h"
 #include "core/parallel.h"
 #include "core/stages/complete_cells.h"
 #include "core/stages/delaunay_slabs.h"
@@ -16,9 +17,6 @@ namespace remesh {
 namespace {
 
 using Order = std::array<std::size_t, 4>;
-
-// Even permutations that bring corner i to the front.
-constexpr std::array<Order, 4> kToFront{{{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 3, 0, 1}, {3, 2, 1, 0}}};
 
 // The even permutation that puts the smallest vertex first and the next smallest second or, where
 // that would turn the tet inside out, lets the smallest of the other three lead their rotation.

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/exact/intersections.h"
+#include "core/mesh/tet_corners.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -18,10 +19,6 @@ namespace {
 
 constexpr double kDegenerateHeight = 1e-9;  // Of the longest edge.
 constexpr double kFlatVolume = 1e-12;       // 6 V over the longest edge cubed.
-
-// Faces of a tet, each facing away from the corner it lies opposite of.
-constexpr std::array<std::array<std::size_t, 3>, 4> kFaces{
-    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
 
 // Rows grouped by their smallest vertex: `start[v]` is the first row of vertex v. What sorting by
 // all vertices would give, but linear, since a vertex has only a few rows.

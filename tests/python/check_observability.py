@@ -12,18 +12,11 @@ import tempfile
 import time
 import urllib.request
 
+from serving import serving
+
 # Prometheus adds these to what it reads.
 OF_PROMETHEUS = {"job", "instance", "le"}
 METRIC = re.compile(r"\b((?:remesh|process)_[a-z_]+)(?:\{([^}]*)\})?")
-
-
-def wait_for(file, server):
-    while not os.path.exists(file):
-        if server.poll() is not None:
-            sys.exit("the server ended")
-        time.sleep(0.02)
-    with open(file, encoding="ascii") as text:
-        return text.read().strip()
 
 
 def samples(text):
@@ -40,27 +33,15 @@ def samples(text):
 
 def metrics_of(remeshd, remesh, mesh):
     """What a server tells that has made a mesh and refused another."""
-    with tempfile.TemporaryDirectory() as folder:
-        ports = [os.path.join(folder, name) for name in ("grpc", "http")]
-        server = subprocess.Popen(
-            [remeshd, "serve", "--data-dir", os.path.join(folder, "data"),
-             "--listen", "127.0.0.1:0", "--http", "127.0.0.1:0",
-             "--port-file", ports[0], "--http-port-file", ports[1]])
-        try:
-            grpc, http = (wait_for(port, server) for port in ports)
-            subprocess.run([remesh, "--server", "127.0.0.1:" + grpc, "--quiet", "run", mesh,
-                            "--edge-length", "8", "-o", os.path.join(folder, "mesh.vtu")],
-                           check=True)
-            address = f"http://127.0.0.1:{http}/metrics"
-            while True:  # What ended is counted a moment later.
-                with urllib.request.urlopen(address) as response:
-                    found = samples(response.read().decode())
-                if "remesh_attempt_duration_seconds_count" in found:
-                    return found
-                time.sleep(0.1)
-        finally:
-            server.terminate()
-            server.wait()
+    with tempfile.TemporaryDirectory() as folder, serving(remeshd, folder) as (grpc, http):
+        subprocess.run([remesh, "--server", grpc, "--quiet", "run", mesh, "--edge-length", "8",
+                        "-o", os.path.join(folder, "mesh.vtu")], check=True)
+        while True:  # What ended is counted a moment later.
+            with urllib.request.urlopen(f"http://{http}/metrics") as response:
+                found = samples(response.read().decode())
+            if "remesh_attempt_duration_seconds_count" in found:
+                return found
+            time.sleep(0.1)
 
 
 def check_expression(expression, told, where):

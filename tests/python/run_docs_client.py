@@ -8,21 +8,13 @@ import re
 import subprocess
 import sys
 import tempfile
-import time
+
+from serving import serving
 
 
 def block(text, language):
     """The first code block in a language."""
     return re.search(rf"```{language}\n(.*?)```", text, re.DOTALL).group(1)
-
-
-def wait_for_port(file, server):
-    while not os.path.exists(file):
-        if server.poll() is not None:
-            sys.exit("the server ended")
-        time.sleep(0.02)
-    with open(file, encoding="ascii") as port:
-        return port.read().strip()
 
 
 def main(repository, remeshd):
@@ -34,12 +26,7 @@ def main(repository, remeshd):
         subprocess.run(["bash", "-e", "-c", commands], cwd=folder, check=True)
         with open(os.path.join(folder, "client.py"), "w", encoding="utf-8") as file:
             file.write(block(text, "python"))
-        port_file = os.path.join(folder, "port")
-        server = subprocess.Popen(
-            [remeshd, "serve", "--data-dir", os.path.join(folder, "data"), "--listen",
-             "127.0.0.1:0", "--port-file", port_file])
-        try:
-            address = "127.0.0.1:" + wait_for_port(port_file, server)
+        with serving(remeshd, folder) as (address, _):
             mesh = os.path.join(repository, "tests", "data", "aorta.stl")
             for _ in range(2):  # The second time nothing has to be uploaded.
                 result = subprocess.run(
@@ -49,9 +36,6 @@ def main(repository, remeshd):
                 assert 0.85 < float(quality) <= 1.0, result.stdout
             with open(os.path.join(folder, "aorta.vtu"), "rb") as file:
                 assert b"UnstructuredGrid" in file.read(500)
-        finally:
-            server.terminate()
-            server.wait()
 
 
 if __name__ == "__main__":

@@ -6,21 +6,13 @@
 #include <vector>
 
 #include "core/geometry/particles.h"
+#include "core/mesh/index.h"
 #include "core/mesh/mesh.h"
+#include "core/mesh/tet_corners.h"
 #include "core/stages/carve.h"
 
 namespace remesh::improve {
 
-/// Corners of the face opposite of each corner of a tet, facing outward.
-inline constexpr std::array<std::array<std::size_t, 3>, 4> kFaces{
-    {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}};
-/// Even permutations that bring corner i to the front.
-inline constexpr std::array<std::array<std::size_t, 4>, 4> kToFront{
-    {{0, 1, 2, 3}, {1, 0, 3, 2}, {2, 3, 0, 1}, {3, 2, 1, 0}}};
-
-inline std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 inline Index index(std::size_t i) {
     return static_cast<Index>(i);
 }
