@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -19,10 +20,6 @@ constexpr double kTooShort = 0.7;  // and that lose one.
 constexpr double kWall = 0.45;     // New particles keep this far over h from the boundary.
 constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
     {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 struct Edge {
     double ratio;  // Length over the mean h of its ends.

@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "core/geometry/curve_track.h"
+#include "core/mesh/index.h"
 #include "core/stages/relax_dynamics.h"
 
 namespace remesh {
@@ -25,10 +26,6 @@ constexpr double kSlide = 0.05;        // Slides this far over h before it is sn
 constexpr double kTooClose = 0.4;      // Surface particles closer than this times h merge.
 constexpr double kWall = 0.4;          // Volume particles stay this far over h inside.
 constexpr double kSurfaceShare = 0.7;  // Of the stage's progress.
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 bool are_opposed(const Particles& particles, std::size_t i, std::size_t j) {
     return particles.kind[i] == ParticleKind::Surface &&

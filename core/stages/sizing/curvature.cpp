@@ -9,6 +9,7 @@
 
 #include "core/geometry/edge_table.h"
 #include "core/geometry/neighbour_grid.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -23,10 +24,6 @@ constexpr double kSharp = 40.0;        // Degrees.
 constexpr std::size_t kFewest = 8;     // Points for a quadric of 6 coefficients.
 constexpr double kRegularity = 1e-6;   // Of the sum of weights, added to the diagonal.
 constexpr double kWorthWidening = 1.15;
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 Points normals_of(const SurfaceMesh& surface) {
     Points normals;

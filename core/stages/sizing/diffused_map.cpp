@@ -9,6 +9,7 @@
 
 #include "core/geometry/domain_volume.h"
 #include "core/geometry/sample_source.h"
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 #include "core/stages/seed.h"
 #include "core/stages/sizing/diffusion.h"
@@ -22,10 +23,6 @@ constexpr double kMostTets = 1e6;       // Of the coarse mesh.
 constexpr double kTetsPerVolume = 9.0;  // Of the A15 lattice, per h^3.
 constexpr double kVolumeCells = 64.0;   // Across the domain, to know its volume.
 constexpr double kInPlace = 0.05;       // Over the spacing: as far from a place is in it.
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 // Tets between boundary particles may lie outside.
 std::vector<Tet> inner_tets(const Particles& particles, const TetComplex& delaunay,

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/mesh/index.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -13,10 +14,6 @@ namespace {
 
 constexpr double kFlat = 1e-3;  // Volume over that of a regular tet of the same mean squared edge.
 constexpr double kTolerance = 1e-6;
-
-std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-}
 
 // What one tet adds to the equations.
 struct Element {
