@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <fcntl.h>
 #include <iterator>
 #include <unistd.h>
 #include <utility>
 #include <vector>
+
+#include "server/store/file_failure.h"
 
 namespace remesh {
 namespace {
@@ -21,12 +22,6 @@ constexpr std::string_view kUnkeptPrefix = ".unkept-";
 constexpr std::size_t kReadBytes = std::size_t{1} << 20U;
 // Of the disk, or a twentieth of it: for the database and the results of what runs.
 constexpr std::uintmax_t kDiskReserve = std::uintmax_t{256} << 20U;
-
-[[noreturn]] void fail(const char* what) {
-    const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
-    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno),
-                     is_full ? StoreError::Kind::Full : StoreError::Kind::Failed);
-}
 
 /// Opens and locks the file of that name; -1 if somebody else has it.
 int open_locked(const fs::path& path) {

@@ -5,10 +5,11 @@
 #include <sys/stat.h>
 
 #include <cerrno>
-#include <cstring>
 #include <fcntl.h>
 #include <unistd.h>
 #include <utility>
+
+#include "server/store/file_failure.h"
 
 namespace remesh {
 namespace {
@@ -16,12 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kDraftPrefix = ".draft-";
-
-[[noreturn]] void fail(const char* what) {
-    const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
-    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno),
-                     is_full ? StoreError::Kind::Full : StoreError::Kind::Failed);
-}
 
 void sync_directory(const fs::path& path) {
     const int file = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

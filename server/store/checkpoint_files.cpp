@@ -1,7 +1,6 @@
 #include "server/store/checkpoint_files.h"
 
 #include <cerrno>
-#include <cstring>
 #include <fcntl.h>
 #include <fstream>
 #include <system_error>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "server/store/digest.h"
+#include "server/store/file_failure.h"
 #include "server/store/job_store.h"
 
 namespace remesh {
@@ -19,12 +19,6 @@ namespace fs = std::filesystem;
 // Of the format of the file; the engine's version is in the key.
 constexpr std::string_view kMagic = "remesh checkpoint 1\n";
 constexpr std::size_t kHexDigits = 64;
-
-[[noreturn]] void fail(const char* what) {
-    const bool is_full = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
-    throw StoreError(std::string("store: ") + what + ": " + std::strerror(errno),
-                     is_full ? StoreError::Kind::Full : StoreError::Kind::Failed);
-}
 
 std::string digest_of(const std::vector<std::string_view>& pieces) {
     Sha256 hash;
