@@ -52,7 +52,9 @@ struct RemeshResult {
 /// bytes for any number of threads; runs in the present TBB arena.
 ///
 /// \param sizes  #V wanted edge lengths at the input's vertices, if options.sizing.vertex_field
-/// \throws Error with every code but TooLarge's cousins documented at the stages
+/// \throws Error{InvalidInput} for an option out of range or an input that encloses no body;
+/// Error{Unmeshable} if no valid mesh was found; Error{TooLarge} if max_tets or max_particles would
+/// be passed; Error{Cancelled}
 RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options, RunContext& run,
                           const std::vector<double>& sizes = {});
 

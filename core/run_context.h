@@ -77,7 +77,7 @@ struct ConvergenceSample {
 
 /// Something the user should know although the run goes on.
 struct Warning {
-    std::string code{};        ///< Stable UPPER_SNAKE_CASE, e.g. "HOLES_CLOSED".
+    std::string code{};        ///< Stable UPPER_SNAKE_CASE, e.g. "COARSENED".
     std::string message{};     ///< A sentence with numbers; no mesh data beyond counts and lengths.
     std::optional<Vec3> at{};  ///< Where in the mesh, model units.
 };

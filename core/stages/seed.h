@@ -18,7 +18,8 @@ struct SeedOptions {
     double wall_distance = 0.45;  ///< Volume particles closer to the boundary than this times h are
                                   ///< dropped, in [0.2, 1].
     std::uint64_t seed = 1;       ///< Changes the darts and the lattice's origin, nothing else.
-    std::int64_t max_particles = 400'000'000 / 6;  ///< More are refused.
+    std::int64_t max_particles = 400'000'000 / 6;  ///< More are refused: six tets each are 400
+                                                   ///< million, whose faces 32 bits can number.
 };
 
 /// Puts particles on corners, along curves (about h apart) and, by dart throwing, on the boundary.

@@ -78,7 +78,7 @@ struct SizingOptions {
     std::string vertex_field{};  ///< Scalar of the input's vertices that is their size; or empty.
     std::shared_ptr<const SizeImage> image{};  ///< Sizes in space, or none.
 
-    bool return_field = false;  ///< Give h(x) at the vertices of the result, as `sizes`.
+    bool return_field = false;  ///< Give h(x) at the vertices of the result.
 
     /// Whether anything but the guard may make h vary.
     [[nodiscard]] bool is_graded() const {

@@ -3,16 +3,12 @@
 #include <string>
 #include <utility>
 
-#include "server/jobs/registry.h"
+#include "server/convert.h"
 
 namespace remesh {
 namespace {
 
 using Coordinates = google::protobuf::RepeatedField<double>;
-
-[[noreturn]] void refuse(const std::string& field, const std::string& rule) {
-    throw JobError({FieldProblem{field, field + " " + rule}});
-}
 
 Points points_of(const Coordinates& numbers, const std::string& field) {
     if (numbers.size() % 3 != 0) {
