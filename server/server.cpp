@@ -52,7 +52,8 @@ Server::Server(const ServerOptions& options, const Engine& engine)
                [this](const Principal& who) { return gate_.is_still_valid(who); }),
       queue_watches_(registry_, options.watches,
                      [this](const Principal& who) { return gate_.is_still_valid(who); }),
-      metrics_(registry_, *store_, {.data_dir = options.data_dir}),
+      metrics_(registry_, *store_,
+               {.data_dir = options.data_dir, .certificate = options.tls.certificate}),
       jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_, inspections_),
       artifact_service_(
           {gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
