@@ -57,7 +57,9 @@ Server::Server(const ServerOptions& options, const Engine& engine)
       jobs_(gate_, registry_, artifacts_, watches_, queue_watches_, executor_, inspections_),
       artifact_service_(
           {gate_, artifacts_, uploads_, executor_, options.max_artifact_bytes,
-           options.registry.limits.max_bytes_of_tenant, [this] { return registry_.is_draining(); }},
+           options.registry.limits.max_bytes_of_tenant, [this] { return registry_.is_draining(); },
+           std::make_shared<TenantSlots>("transfers", options.transfers.max_transfers,
+                                         options.transfers.max_transfers_of_tenant)},
           options.inspector, inspections_),
       capabilities_(gate_, executor_,
                     {options.max_artifact_bytes, options.workforce.workers.workers,
