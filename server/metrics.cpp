@@ -8,11 +8,14 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
+#include <stdexcept>
 #include <utility>
 
 #include "remesh/v1/job.pb.h"
 #include "server/jobs/process_memory.h"
+#include "server/tls.h"
 #include "server/version.h"
 
 namespace remesh {
@@ -104,6 +107,10 @@ struct Metrics::Families {
         gauge("remesh_disk_free_bytes", "Free space where the data directory is.").Add({});
     prometheus::Gauge& disk_size =
         gauge("remesh_disk_size_bytes", "Size of the disk where the data directory is.").Add({});
+    prometheus::Gauge& certificate =
+        gauge("remesh_certificate_expiry_timestamp_seconds",
+              "When the server's certificate ends, since 1970; +Inf without TLS.")
+            .Add({});
     Counters& responses = counter("remesh_http_responses_total", "Answers over HTTP, by status.");
     prometheus::Counter& cpu =
         counter("process_cpu_seconds_total", "User and system time of this process.").Add({});
@@ -124,6 +131,7 @@ Metrics::Metrics(JobRegistry& registry, JobStore& store, const MetricsOptions& o
         .Add({{"version", kVersion}})
         .Set(1.0);
     families_->started.Set(seconds_between(Time{}, start_));
+    families_->certificate.Set(std::numeric_limits<double>::infinity());
     // A series that is there from the start at 0 has a rate when the first failure comes.
     for (std::size_t i = 0; i < kStateNames.size(); ++i) {
         const auto state = static_cast<JobState>(i);
@@ -276,6 +284,14 @@ void Metrics::update_gauges() {
     if (!error) {
         families_->disk_free.Set(static_cast<double>(space.available));
         families_->disk_size.Set(static_cast<double>(space.capacity));
+    }
+    if (!options_.certificate.empty()) {
+        try {
+            families_->certificate.Set(static_cast<double>(
+                certificate_end(options_.certificate).time_since_epoch().count()));
+        } catch (const std::runtime_error&) {
+            // Between two copies. The old one is still served, and told.
+        }
     }
     const double more = processor_seconds() - families_->cpu.Value();
     if (more > 0.0) {

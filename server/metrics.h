@@ -19,6 +19,7 @@ namespace remesh {
 
 struct MetricsOptions {
     std::filesystem::path data_dir{};         ///< Whose disk is watched.
+    std::filesystem::path certificate{};      ///< Whose end is told; empty: none.
     std::chrono::milliseconds interval{500};  ///< How long changes of jobs wait for company.
 };
 

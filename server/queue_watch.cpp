@@ -13,7 +13,7 @@ namespace {
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
-// Jobs at the start of a stream, and changed ones that it remembers.
+// Jobs at the start of a stream, and names of changed ones that it remembers.
 constexpr std::size_t kMaxJobs = 1'000;
 // Least time between two messages about one job.
 constexpr std::chrono::milliseconds kRound{500};
@@ -62,12 +62,14 @@ private:
     // the hub's thread only, once the stream has started
     Principal who_{};
     std::shared_ptr<void> slot_;
-    bool is_open_ = false;             // `opened` was sent
-    std::vector<JobView> at_first_{};  // not yet sent
-    std::vector<JobKey> round_{};      // of this round, not yet sent
+    bool is_open_ = false;  // `opened` was sent
+    // Until then jobs are taken from the store one at a time: a spec may have 1.5 MiB.
+    std::size_t listed_ = 0;
+    std::optional<std::int64_t> last_listed_{};
+    std::vector<JobKey> round_{};  // of this round, not yet sent
     v1::QueueEvent message_;
-    SteadyTime last_round_{};
     SteadyTime last_write_ = std::chrono::steady_clock::now();
+    SteadyTime last_round_ = last_write_;
     SteadyTime last_check_ = last_write_;
 };
 
@@ -148,23 +150,29 @@ void QueueHub::run(std::stop_token stop) {
     }
 }
 
-bool QueueHub::next(QueueStream& stream, v1::QueueEvent& event) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!stream.is_open_ && stream.last_round_ == SteadyTime{}) {
-        stream.last_round_ = now;
-        stream.at_first_ =
+void QueueHub::open_with_next(QueueStream& stream, v1::QueueEvent& event) {
+    std::vector<JobView> jobs;
+    if (stream.listed_ < kMaxJobs) {
+        jobs =
             registry_.list({.tenant = stream.who_.tenant,
                             .states = {JobState::Queued, JobState::Running, JobState::Cancelling},
-                            .limit = kMaxJobs});
-        std::reverse(stream.at_first_.begin(), stream.at_first_.end());  // taken from the back
+                            .before = stream.last_listed_,
+                            .limit = 1});
     }
-    if (!stream.at_first_.empty()) {
-        *event.mutable_job() = in_short(stream.at_first_.back());
-        stream.at_first_.pop_back();
-        return true;
-    }
-    if (!std::exchange(stream.is_open_, true)) {
+    if (jobs.empty()) {
+        stream.is_open_ = true;
         event.mutable_opened();
+    } else {
+        ++stream.listed_;
+        stream.last_listed_ = jobs.front().job.number;
+        *event.mutable_job() = in_short(jobs.front());
+    }
+}
+
+bool QueueHub::next(QueueStream& stream, v1::QueueEvent& event) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!stream.is_open_) {
+        open_with_next(stream, event);
         return true;
     }
     if (stream.round_.empty() && now - stream.last_round_ >= kRound) {

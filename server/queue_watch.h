@@ -53,6 +53,8 @@ private:
     void wake();
     void run(std::stop_token stop);
     void feed(QueueStream& stream);
+    /// The newest of the jobs that aren't done and weren't sent, or that these were all.
+    void open_with_next(QueueStream& stream, v1::QueueEvent& event);
     /// What the reader should get next; false if nothing is due.
     bool next(QueueStream& stream, v1::QueueEvent& event);
 

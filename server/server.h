@@ -44,10 +44,12 @@ struct ServerOptions {
     int max_connections = 2'000;  ///< More are closed as they come.
     std::int64_t max_artifact_bytes = std::int64_t{2} << 30;
     Inspector inspector = inspect_surface;  ///< For InspectArtifact.
-    RegistryOptions registry{};
+    /// So many jobs of all tenants that none of them fills the queue alone.
+    RegistryOptions registry{.limits = {.max_queued = 10'000}};
     WorkforceOptions workforce{};
     HousekeeperOptions housekeeping{};
     WatchOptions watches{};
+    TransferOptions transfers{};
 };
 
 /// A whole server but for its process: data directory, registry, workers (here or in processes of

@@ -7,11 +7,14 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
+#include <ctime>
 #include <stdexcept>
 #include <string>
 
 namespace remesh {
 namespace {
+
+constexpr std::chrono::days kWarnBefore{7};
 
 template <auto Free>
 struct FreeWith {
@@ -40,6 +43,25 @@ Certificate read_certificate(const std::filesystem::path& path) {
     return certificate;
 }
 
+std::chrono::sys_seconds end_of(const Certificate& certificate) {
+    std::tm end{};
+    if (ASN1_TIME_to_tm(X509_get0_notAfter(certificate.get()), &end) != 1) {
+        return {};
+    }
+    return std::chrono::sys_seconds(std::chrono::seconds(::timegm(&end)));
+}
+
+/// Once it has ended, no client takes it.
+void warn_of_end(std::chrono::sys_seconds end, const std::filesystem::path& file) {
+    const auto left = end - std::chrono::system_clock::now();
+    if (left <= std::chrono::seconds(0)) {
+        spdlog::warn("event=certificate_expired file={}", file.string());
+    } else if (left < kWarnBefore) {
+        spdlog::warn("event=certificate_expires_soon file={} hours={}", file.string(),
+                     std::chrono::duration_cast<std::chrono::hours>(left).count());
+    }
+}
+
 /// gRPC would only log trouble with the files and then fail every handshake.
 void require_usable(const TlsOptions& options) {
     const Certificate certificate = read_certificate(options.certificate);
@@ -51,16 +73,17 @@ void require_usable(const TlsOptions& options) {
         throw std::runtime_error(options.key.string() + " isn't the key of the certificate in " +
                                  options.certificate.string());
     }
-    if (X509_cmp_current_time(X509_get0_notAfter(certificate.get())) < 0) {
-        // It may be renewed while the server runs; until then no client takes it.
-        spdlog::warn("event=certificate_expired file={}", options.certificate.string());
-    }
+    warn_of_end(end_of(certificate), options.certificate);
     if (!options.client_ca.empty()) {
         static_cast<void>(read_certificate(options.client_ca));
     }
 }
 
 }  // namespace
+
+std::chrono::sys_seconds certificate_end(const std::filesystem::path& certificate) {
+    return end_of(read_certificate(certificate));
+}
 
 std::shared_ptr<grpc::ServerCredentials> server_credentials(const TlsOptions& options) {
     if (!options.is_on()) {

@@ -20,6 +20,11 @@ namespace remesh {
 /// Of uploads and downloads alike.
 inline constexpr std::size_t kMaxChunkBytes = std::size_t{1} << 20U;
 
+struct TransferOptions {
+    int max_transfers = 1'024;          ///< More uploads and downloads at a time are refused.
+    int max_transfers_of_tenant = 256;  ///< More of one tenant, too.
+};
+
 /// What the streams of artifacts work with.
 struct TransferRoom {
     Gate& gate;
@@ -30,7 +35,7 @@ struct TransferRoom {
     std::optional<std::int64_t> max_tenant_bytes;  ///< Unless a tenant's policy says more.
     std::function<bool()> is_draining;
     /// Each stream holds a chunk or two for as long as its caller likes.
-    std::shared_ptr<TenantSlots> slots = std::make_shared<TenantSlots>("transfers", 1'024, 256);
+    std::shared_ptr<TenantSlots> slots;
 };
 
 // Each stream has one chunk in flight, does its disk work on the executor and deletes itself when

@@ -51,6 +51,7 @@ int work(WorkFlags flags, const ChildFlags& child) {
         end_with(child.parent);
         options.desk.worker = child.worker;
         options.desk.max_process_bytes = max_job_bytes(flags) + kProcessBytes;
+        options.desk.on_stuck = [] { std::_Exit(EXIT_SUCCESS); };  // The supervisor makes another.
         // Allocations fail before the kernel would choose somebody to kill.
         limit_process_memory(max_job_bytes(flags) / 4 * 5 + 4 * kProcessBytes);
     }

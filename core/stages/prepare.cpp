@@ -6,7 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <limits>
-#include <ranges>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -116,8 +116,9 @@ void sort_in_space(SurfaceMesh& surface) {
 
 double volume_of(const SurfaceMesh& surface) {
     // An apex amid the area, so that gaps count for little.
-    const Vec3 apex =
-        center_of_area(surface, std::views::iota(std::size_t{0}, surface.triangles.size()));
+    std::vector<std::size_t> all(surface.triangles.size());
+    std::iota(all.begin(), all.end(), std::size_t{0});
+    const Vec3 apex = center_of_area(surface, all);
     return sum_over(surface.triangles.size(),
                     [&](std::size_t i) { return cone_volume(surface, i, apex); });
 }

@@ -43,6 +43,9 @@ bool Lease::is_giving_back() const {
 void Lease::publish(const JobEventBody& event) {
     NewEvent stored{kind_of(event), desk_.clock_(), desk_.codec_.encode_event(event)};
     const std::scoped_lock lock(desk_.mutex_);
+    if (const auto* progress = std::get_if<Progress>(&event)) {
+        attempt_->stage = progress->stage;
+    }
     attempt_->pending.push_back(std::move(stored));
 }
 
@@ -104,16 +107,8 @@ std::optional<JobState> Lease::stopped(Stage stage) {
         const std::scoped_lock lock(desk_.mutex_);
         return attempt_->stop_reason;
     }();
-    switch (reason) {
-        case Attempt::StopReason::Timeout:
-            return fail({"TIMEOUT", "The job ran longer than its time limit.", false, stage});
-        case Attempt::StopReason::Memory:
-            return fail({"TOO_LARGE", desk_.memory_limit_passed(), false, stage});
-        case Attempt::StopReason::None:
-            return fail({"INTERNAL", "The run stopped although nobody asked it to.", true, stage});
-        case Attempt::StopReason::Cancel:
-        case Attempt::StopReason::Drain:
-        case Attempt::StopReason::Void: break;
+    if (const auto failure = desk_.failure_of(reason, stage)) {
+        return settle(*failure, {});
     }
     const auto state =
         settle([&](const Claim& claim) { return desk_.store_.give_back(claim, desk_.clock_()); });

@@ -108,9 +108,35 @@ std::string LeaseDesk::memory_limit_passed() const {
            " MiB; a larger edge_length needs less.";
 }
 
+std::optional<Settlement> LeaseDesk::failure_of(Attempt::StopReason reason, Stage stage) const {
+    const auto failure = [&]() -> std::optional<JobFailure> {
+        switch (reason) {
+            case Attempt::StopReason::Timeout:
+                return JobFailure{"TIMEOUT", "The job ran longer than its time limit.", false,
+                                  stage};
+            case Attempt::StopReason::Memory:
+                return JobFailure{"TOO_LARGE", memory_limit_passed(), false, stage};
+            case Attempt::StopReason::None:
+                return JobFailure{"INTERNAL", "The run stopped although nobody asked it to.", true,
+                                  stage};
+            case Attempt::StopReason::Cancel:
+            case Attempt::StopReason::Drain:
+            case Attempt::StopReason::Void: break;
+        }
+        return std::nullopt;
+    }();
+    if (!failure) {
+        return std::nullopt;
+    }
+    return Settlement{.state = JobState::Failed, .outcome = codec_.encode_failure(*failure)};
+}
+
 void LeaseDesk::stop_for(Attempt& attempt, Attempt::StopReason reason) {
     if (attempt.stop_reason == Attempt::StopReason::None) {
         attempt.stop_reason = reason;
+    }
+    if (!attempt.stop_time) {
+        attempt.stop_time = std::chrono::steady_clock::now();
     }
     attempt.stop.request_stop();
 }
@@ -168,6 +194,7 @@ void LeaseDesk::tend(const std::stop_token& stop) {
         }
         beat(attempts);
         lose_abandoned();
+        end_stuck(attempts);
     }
 }
 
@@ -215,6 +242,41 @@ void LeaseDesk::lose_abandoned() {
     }
     for (const auto& attempt : abandoned) {
         lose(*attempt);
+    }
+}
+
+// Its thread may hang in code that never looks whether it shall stop; what it writes later is void.
+void LeaseDesk::end_stuck(const Attempts& attempts) {
+    const SteadyTime now = std::chrono::steady_clock::now();
+    for (const auto& attempt : attempts) {
+        std::optional<Settlement> failure;
+        {
+            const std::scoped_lock lock(mutex_);
+            // Who drains has a grace of its own.
+            if (!running_.contains(attempt->job.key) || !attempt->stop_time ||
+                now - *attempt->stop_time < options_.stop_grace ||
+                attempt->stop_reason == Attempt::StopReason::Drain) {
+                continue;
+            }
+            failure = failure_of(attempt->stop_reason, attempt->stage);
+        }
+        try {
+            end(*attempt, [&](const Claim& claim) {
+                return failure ? store_.settle(claim, *failure, clock_())
+                               : store_.give_back(claim, clock_());
+            });
+            drop_previews(attempt->job.key, {});
+        } catch (const StoreError& error) {
+            // It is tried again, as a lost one.
+            spdlog::error("event=store_failed job={} message=\"{}\"", attempt->job.key.id,
+                          error.what());
+            continue;
+        }
+        spdlog::error("event=run_stuck job={} attempt={} stage={}", attempt->job.key.id,
+                      attempt->job.attempt, stage_name(attempt->stage));
+        if (options_.on_stuck) {
+            options_.on_stuck();
+        }
     }
 }
 

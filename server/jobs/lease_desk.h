@@ -30,6 +30,10 @@ struct DeskOptions {
     std::optional<std::int64_t> max_process_bytes{};
     std::chrono::milliseconds flush_interval{100};  ///< How long events wait for company.
     std::chrono::milliseconds beat_interval{10'000};
+    /// A run that was asked to stop and goes on for longer is settled without it.
+    std::chrono::milliseconds stop_grace{60'000};
+    /// Called after that: its worker is lost to others until the process ends.
+    std::function<void()> on_stuck{};
 };
 
 class LeaseDesk;
@@ -44,6 +48,8 @@ struct Attempt {
 
     // need LeaseDesk::mutex_
     StopReason stop_reason = StopReason::None;
+    std::optional<std::chrono::steady_clock::time_point> stop_time{};  ///< When it was asked to.
+    Stage stage = Stage::Read;
     std::chrono::steady_clock::time_point deadline{};
     std::chrono::steady_clock::time_point next_beat{};
     std::vector<NewEvent> pending{};  ///< Not yet in the store.
@@ -135,6 +141,11 @@ private:
     Attempts look_at_limits();
     void beat(const Attempts& attempts);
     void lose_abandoned();
+    /// Settles attempts whose run doesn't stop.
+    void end_stuck(const Attempts& attempts);
+    /// How an attempt ends that stopped for a reason; it is given back if that says nothing.
+    [[nodiscard]] std::optional<Settlement> failure_of(Attempt::StopReason reason,
+                                                       Stage stage) const;
     /// Makes an attempt stop if the store says that it shall.
     void obey(Attempt& attempt, std::optional<JobState> state);
     void stop_for(Attempt& attempt, Attempt::StopReason reason);  // needs mutex_

@@ -206,7 +206,7 @@ Ending run_attempt(Lease& lease, const Bench& bench, bool resumes = true) {
         }
         DraftSink sink(artifacts, job.key.tenant);
         JobResult result;
-        arena.execute([&] { result = engine.run(request, inputs.files(), run, sink); });
+        arena.execute([&] { result = bench.engine.run(request, inputs.files(), run, sink); });
         if (!result.broken_bounds.empty()) {
             return {lease.fail({"BOUND_NOT_MET", result.broken_bounds, false, Stage::Report,
                                 result.outputs},

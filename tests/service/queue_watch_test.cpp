@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/jobs/process_memory.h"
 #include "tests/support/test_server.h"
 
 namespace remesh {
@@ -69,6 +70,41 @@ TEST(QueueWatchTest, OpensWithTheJobsThatArentDone) {
     EXPECT_EQ(oldest.job().state(), v1::Job::STATE_RUNNING);
     EXPECT_TRUE(watch.next().has_opened());
     watch.finish();
+    gate.open();
+}
+
+TEST(QueueWatchTest, KeepsNoSpecsForReadersThatDontRead) {
+    constexpr int kJobs = 30;
+    constexpr int kReaders = 20;
+    constexpr int kCoordinates = 150'000;
+    constexpr std::int64_t kSpecs = std::int64_t{kJobs} * kReaders * kCoordinates * sizeof(double);
+    Gate gate;
+    const ScriptedEngine engine(behind(gate));
+    TestServer server(engine);
+    v1::CreateJobRequest request = server.request_for("mesh");
+    auto* regions = request.mutable_spec()->mutable_options()->mutable_sizing()->mutable_regions();
+    regions->Add()->mutable_points()->mutable_coordinates()->Resize(kCoordinates, 1.0);
+    // More of them than a stream takes that nobody reads.
+    for (int i = 0; i < 16; ++i) {
+        (*request.mutable_spec()->mutable_labels())["key-" + std::to_string(i)] =
+            std::string(250, 'x');
+    }
+    v1::Job job;
+    for (int i = 0; i < kJobs; ++i) {
+        ASSERT_TRUE(server.create(request, &job).ok());
+    }
+
+    const std::int64_t before = resident_bytes();
+    std::vector<std::unique_ptr<QueueWatch>> readers;
+    for (int i = 0; i < kReaders; ++i) {
+        readers.push_back(std::make_unique<QueueWatch>(server));
+        EXPECT_TRUE(readers.back()->next().has_job());
+    }
+
+    EXPECT_LT(resident_bytes() - before, kSpecs / 4);
+    for (const auto& reader : readers) {
+        reader->finish();
+    }
     gate.open();
 }
 

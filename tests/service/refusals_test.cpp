@@ -197,6 +197,65 @@ TEST(Service, RefusesArtifactsThatAreTooLarge) {
               grpc::StatusCode::RESOURCE_EXHAUSTED);
 }
 
+/// A download that somebody began and doesn't go on with: more is to come than can be on its way.
+class HeldDownload {
+public:
+    HeldDownload(TestServer& server, const std::string& sha256) : context_(server.token) {
+        v1::DownloadArtifactRequest request;
+        request.set_sha256(sha256);
+        stream_ = server.artifacts->DownloadArtifact(&context_, request);
+        has_begun_ = stream_->Read(&chunk_);
+    }
+    [[nodiscard]] bool has_begun() const { return has_begun_; }
+    grpc::Status finish() {
+        while (stream_->Read(&chunk_)) {
+        }
+        return stream_->Finish();
+    }
+
+private:
+    CallContext context_;
+    std::unique_ptr<grpc::ClientReader<v1::DownloadArtifactResponse>> stream_;
+    v1::DownloadArtifactResponse chunk_;
+    bool has_begun_;
+};
+
+TEST(Service, LimitsTheTransfersOfATenantAtATime) {
+    TestServer server(kCopy, [](ServerOptions& options) {
+        options.requires_credentials = true;
+        options.transfers.max_transfers_of_tenant = 2;
+    });
+    const std::string clinic = server.token_for("clinic");
+    const std::string lab = server.token_for("lab");
+    server.token = clinic;
+    const std::string sha256 = server.upload(std::string(std::size_t{64} << 20U, 'x')).sha256();
+    HeldDownload first(server, sha256);
+    HeldDownload second(server, sha256);
+    ASSERT_TRUE(first.has_begun() && second.has_begun());
+    const auto upload = [&](const std::string& token) {
+        server.token = token;
+        v1::Digest digest;
+        digest.set_sha256(sha256_of("hello"));
+        digest.set_size_bytes(5);
+        v1::UploadArtifactResponse response;
+        return server.upload("hello", digest, &response);
+    };
+
+    HeldDownload third(server, sha256);
+    const grpc::Status refused = upload(clinic);
+    EXPECT_EQ(third.finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+    EXPECT_EQ(refused.error_message(), "a tenant has at most 2 transfers at a time");
+    const auto details = detail_of<google::rpc::QuotaFailure>(refused);
+    ASSERT_TRUE(details);
+    EXPECT_EQ(details->violations(0).subject(), "tenants/clinic/transfers");
+    EXPECT_TRUE(upload(lab).ok()) << "it has its own";
+
+    EXPECT_TRUE(first.finish().ok());
+    EXPECT_TRUE(upload(clinic).ok());
+    EXPECT_TRUE(second.finish().ok());
+}
+
 TEST(Service, LimitsTheNumberOfWatches) {
     TestServer server(kCopy, [](ServerOptions& options) { options.watches.max_watches = 0; });
     grpc::Status status;

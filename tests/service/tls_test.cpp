@@ -3,12 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 
 #include <fstream>
+#include <sstream>
 #include <unistd.h>
 #include <vector>
 
+#include "tests/service/prometheus_text.h"
 #include "tests/support/certificates.h"
 #include "tests/support/test_server.h"
 
@@ -17,7 +21,10 @@ namespace {
 
 using testing::Authority;
 using testing::CallContext;
+using ::testing::HasSubstr;
 using testing::Identity;
+using ::testing::Not;
+using testing::PrometheusText;
 using testing::ScriptedEngine;
 using testing::TemporaryDirectory;
 using testing::TestServer;
@@ -143,6 +150,77 @@ TEST_F(Tls, RefusesToStartWithoutItsFiles) {
     std::filesystem::remove(directory_.path() / "server.pem");
 
     EXPECT_THROW(TestServer(kCopy, with_tls()), std::runtime_error);
+}
+
+/// What is logged in a scope.
+class Log {
+public:
+    Log() {
+        spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+            "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(out_)));
+    }
+    Log(const Log&) = delete;
+    Log& operator=(const Log&) = delete;
+    ~Log() { spdlog::set_default_logger(before_); }
+    [[nodiscard]] std::string text() const { return out_.str(); }
+
+private:
+    std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
+    std::ostringstream out_;
+};
+
+TEST_F(Tls, WarnsOfACertificateThatHasEnded) {
+    give(server_authority_.issue("IP:127.0.0.1",
+                                 std::chrono::system_clock::now() - std::chrono::minutes(1)));
+    Log log;
+    TestServer server(kCopy, with_tls());
+    server.stop();
+
+    EXPECT_THAT(log.text(), HasSubstr("event=certificate_expired file=" +
+                                      (directory_.path() / "server.pem").string()));
+    EXPECT_THAT(log.text(), Not(HasSubstr("certificate_expires_soon")));
+}
+
+TEST_F(Tls, WarnsOfACertificateThatEndsWithinAWeek) {
+    give(server_authority_.issue("IP:127.0.0.1",
+                                 std::chrono::system_clock::now() + std::chrono::days(6)));
+    Log log;
+    TestServer server(kCopy, with_tls());
+    server.stop();
+
+    EXPECT_THAT(log.text(), HasSubstr("event=certificate_expires_soon file=" +
+                                      (directory_.path() / "server.pem").string() + " hours=14"));
+    EXPECT_THAT(log.text(), Not(HasSubstr("certificate_expired")));
+}
+
+TEST_F(Tls, SaysNothingOfACertificateThatLasts) {
+    Log log;
+    TestServer server(kCopy, with_tls());
+    server.stop();
+
+    EXPECT_THAT(log.text(), Not(HasSubstr("event=certificate")));
+}
+
+TEST_F(Tls, TellsPrometheusWhenTheCertificateEnds) {
+    const auto series = "remesh_certificate_expiry_timestamp_seconds";
+    constexpr std::int64_t kYear2100 = 4'102'444'800;
+    constexpr std::int64_t kYear2060 = 2'840'140'800;
+    const auto until = [this](std::int64_t end) {
+        give(server_authority_.issue(
+            "IP:127.0.0.1", std::chrono::system_clock::time_point(std::chrono::seconds(end))));
+    };
+    until(kYear2100);
+    TestServer server(kCopy, with_tls());
+    const auto told = [&] {
+        const PrometheusText text(server.server().metrics().text());
+        return static_cast<std::int64_t>(text.value(series).value_or(0.0));
+    };
+
+    EXPECT_EQ(told(), kYear2100);
+    until(kYear2060);
+    EXPECT_EQ(told(), kYear2060) << "it was replaced";
+    write("server.pem", "half of");
+    EXPECT_EQ(told(), kYear2060) << "the old one is still served";
 }
 
 /// Connections that somebody opens and never uses.

@@ -4,6 +4,7 @@
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 
+#include <chrono>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -30,9 +31,12 @@ public:
         return pem([&](BIO* out) { PEM_write_bio_X509(out, certificate_.get()); });
     }
     /// \param names  of its subject, e.g. "IP:127.0.0.1" or "DNS:pipeline"
-    [[nodiscard]] Identity issue(const std::string& names) const {
+    [[nodiscard]] Identity issue(const std::string& names,
+                                 std::chrono::system_clock::time_point end = in_a_month()) const {
         const Key key(EVP_EC_gen("P-256"));
         const Certificate certificate = unsigned_certificate(key.get(), "test");
+        ASN1_TIME_set(X509_getm_notAfter(certificate.get()),
+                      std::chrono::system_clock::to_time_t(end));
         X509_set_issuer_name(certificate.get(), X509_get_subject_name(certificate_.get()));
         add_extension(certificate.get(), NID_subject_alt_name, names);
         X509_sign(certificate.get(), key_.get(), EVP_sha256());
@@ -53,13 +57,17 @@ private:
     using Key = std::unique_ptr<EVP_PKEY, FreeWith<EVP_PKEY_free>>;
     using Certificate = std::unique_ptr<X509, FreeWith<X509_free>>;
 
+    static std::chrono::system_clock::time_point in_a_month() {
+        return std::chrono::system_clock::now() + std::chrono::days(30);
+    }
     static Certificate unsigned_certificate(EVP_PKEY* key, const char* name) {
         static long serial = 0;
         Certificate certificate(X509_new());
         X509_set_version(certificate.get(), 2);
         ASN1_INTEGER_set(X509_get_serialNumber(certificate.get()), ++serial);
         X509_gmtime_adj(X509_getm_notBefore(certificate.get()), -3600);
-        X509_gmtime_adj(X509_getm_notAfter(certificate.get()), 24 * 3600);
+        ASN1_TIME_set(X509_getm_notAfter(certificate.get()),
+                      std::chrono::system_clock::to_time_t(in_a_month()));
         X509_NAME_add_entry_by_txt(X509_get_subject_name(certificate.get()), "CN", MBSTRING_UTF8,
                                    reinterpret_cast<const unsigned char*>(name), -1, -1, 0);
         X509_set_pubkey(certificate.get(), key);

@@ -129,6 +129,67 @@ TEST(JobMachine, FailsAJobThatRunsTooLong) {
     EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "TIMEOUT");
 }
 
+/// Runs that never look whether they shall stop, until they are let go.
+class DeafRuns {
+public:
+    [[nodiscard]] ScriptedEngine::Script script() {
+        return [this](const JobRequest& request, const JobFiles& inputs, RunContext& run,
+                      OutputSink& outputs) {
+            run.enter(Stage::Carve);
+            std::unique_lock lock(mutex_);
+            changed_.wait(lock, [this] { return is_over_; });
+            return ScriptedEngine::copy_input(request, inputs, run, outputs);
+        };
+    }
+    [[nodiscard]] DeskOptions options() {
+        return {.stop_grace = std::chrono::milliseconds(1), .on_stuck = [this] { ++stuck_; }};
+    }
+    [[nodiscard]] int stuck() const { return stuck_; }
+    void let_go() {
+        const std::scoped_lock lock(mutex_);
+        is_over_ = true;
+        changed_.notify_all();
+    }
+
+private:
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    bool is_over_ = false;  // needs mutex_
+    std::atomic<int> stuck_ = 0;
+};
+
+TEST(JobMachine, EndsAJobWhoseRunDoesntStopWhenItsTimeIsOver) {
+    DeafRuns runs;
+    DeskOptions options = runs.options();
+    options.max_run_time = std::chrono::milliseconds(1);
+    JobMachine machine(runs.script(), {}, options);
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+
+    const JobRecord ended = machine.wait_for(key, JobState::Failed);
+    EXPECT_EQ(ended.outcome, "TIMEOUT");
+
+    runs.let_go();
+    machine.stop();
+    EXPECT_EQ(runs.stuck(), 1);
+    machine.start();
+    EXPECT_EQ(machine.registry().get(key).job.revision, ended.revision) << "what it wrote is void";
+    EXPECT_FALSE(machine.artifacts().find("clinic", sha256_of("out:mesh")));
+}
+
+TEST(JobMachine, EndsACancelledJobWhoseRunDoesntStop) {
+    DeafRuns runs;
+    JobMachine machine(runs.script(), {}, runs.options());
+    const JobKey key = machine.submit("mesh");
+    machine.start_workers(1);
+    machine.wait_for(key, JobState::Running);
+
+    machine.registry().cancel(key);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Cancelled).state, JobState::Cancelled);
+    runs.let_go();
+}
+
 TEST(JobMachine, FailsAJobThatNeedsMoreMemoryThanItMay) {
     Gate gate;
     JobMachine machine(behind(gate), {}, {.max_process_bytes = 1});

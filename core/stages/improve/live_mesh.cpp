@@ -195,15 +195,15 @@ void LiveMesh::boundary_fan(Index v, std::vector<LinkEdge>& edges) const {
         const Index b = tet[order[1]];
         const Index c = tet[order[2]];
         const Index d = tet[order[3]];
-        for (const auto& [from, to] : {LinkEdge{c, b}, LinkEdge{d, c}, LinkEdge{b, d}}) {
-            if (!on_boundary(from) || !on_boundary(to)) {
+        for (const LinkEdge& edge : {LinkEdge{c, b}, LinkEdge{d, c}, LinkEdge{b, d}}) {
+            if (!on_boundary(edge.from) || !on_boundary(edge.to)) {
                 continue;
             }
             const auto twin = std::find_if(edges.begin(), edges.end(), [&](const LinkEdge& e) {
-                return e.from == to && e.to == from;
+                return e.from == edge.to && e.to == edge.from;
             });
             if (twin == edges.end()) {
-                edges.push_back({from, to});
+                edges.push_back(edge);
             } else {
                 *twin = edges.back();
                 edges.pop_back();

@@ -46,11 +46,12 @@ public:
         const Tet tet = mesh_.tet(t);
         look_around(tet);
         for (const auto& [i, j] : kEdges) {
-            for (const auto& [v, w] : {std::pair{tet[i], tet[j]}, std::pair{tet[j], tet[i]}}) {
-                if (attempt(t, [&] { return contract_edge(mesh_, shape_, v, w); })) {
-                    ++result_.collapses;
-                    return true;
-                }
+            const Index v = tet[i];
+            const Index w = tet[j];
+            if (attempt(t, [&] { return contract_edge(mesh_, shape_, v, w); }) ||
+                attempt(t, [&] { return contract_edge(mesh_, shape_, w, v); })) {
+                ++result_.collapses;
+                return true;
             }
         }
         if (reshape_boundary(t, tet)) {
@@ -113,8 +114,8 @@ private:
         };
         std::stable_sort(edges.begin(), edges.end(),
                          [&](const auto& a, const auto& b) { return length(a) > length(b); });
-        for (const auto& [i, j] : edges) {
-            if (attempt(t, [&] { return split_edge(mesh_, shape_, tet[i], tet[j]); })) {
+        for (const auto& edge : edges) {
+            if (attempt(t, [&] { return split_edge(mesh_, shape_, tet[edge[0]], tet[edge[1]]); })) {
                 return true;
             }
         }
