@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stop_token>
 #include <thread>
@@ -53,8 +54,12 @@ private:
     void wake();
     void run(std::stop_token stop);
     void feed(QueueStream& stream);
-    /// What the reader should get next; false if nothing is due.
-    bool next(QueueStream& stream, v1::QueueEvent& event);
+    /// What the reader should get next, if anything is due.
+    std::optional<v1::QueueEvent> next(QueueStream& stream);
+    /// Once a heartbeat. \throws StatusError if who watches wouldn't be let in any more
+    void check_credential(QueueStream& stream) const;
+    void finish(QueueStream& stream, const grpc::Status& status);
+    void write(QueueStream& stream, v1::QueueEvent event);
 
     JobRegistry& registry_;
     const WatchOptions options_;
