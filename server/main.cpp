@@ -43,7 +43,8 @@ struct ServeFlags {
     std::string port_file{};
     std::string http_port_file{};
     int keep_jobs_days = 0;
-    int keep_uploads_hours = 24;
+    std::int64_t keep_uploads_hours =
+        std::chrono::floor<std::chrono::hours>(remesh::HousekeeperOptions{}.keep_uploads).count();
     bool allows_any_address = false;
 };
 
@@ -238,7 +239,7 @@ int main(int argc, char** argv) {
     remesh::add_work(app, chosen);
     remesh::add_admin(app, chosen);
 
-    std::string health_address = "127.0.0.1:50051";
+    std::string health_address = ServerOptions{}.listen;
     auto* health_command =
         app.add_subcommand("healthcheck", "Exit with 0 if a server takes calls, else with 1");
     health_command->add_option("--server", health_address, "HOST:PORT or unix:PATH")

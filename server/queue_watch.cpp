@@ -150,7 +150,8 @@ void QueueHub::run(std::stop_token stop) {
     }
 }
 
-void QueueHub::open_with_next(QueueStream& stream, v1::QueueEvent& event) {
+v1::QueueEvent QueueHub::next_at_first(QueueStream& stream) {
+    v1::QueueEvent event;
     std::vector<JobView> jobs;
     if (stream.listed_ < kMaxJobs) {
         jobs =
@@ -167,19 +168,20 @@ void QueueHub::open_with_next(QueueStream& stream, v1::QueueEvent& event) {
         stream.last_listed_ = jobs.front().job.number;
         *event.mutable_job() = in_short(jobs.front());
     }
+    return event;
 }
 
-bool QueueHub::next(QueueStream& stream, v1::QueueEvent& event) {
+std::optional<v1::QueueEvent> QueueHub::next(QueueStream& stream) {
     const auto now = std::chrono::steady_clock::now();
     if (!stream.is_open_) {
-        open_with_next(stream, event);
-        return true;
+        return next_at_first(stream);
     }
+    v1::QueueEvent event;
     if (stream.round_.empty() && now - stream.last_round_ >= kRound) {
         const std::scoped_lock lock(mutex_);
         if (std::exchange(stream.has_overflowed_, false)) {
             event.mutable_resync();
-            return true;
+            return event;
         }
         if (!stream.changed_.empty()) {
             stream.last_round_ = now;
@@ -195,13 +197,13 @@ bool QueueHub::next(QueueStream& stream, v1::QueueEvent& event) {
         } catch (const JobError&) {
             event.set_deleted(job_name(key));
         }
-        return true;
+        return event;
     }
     if (now - stream.last_write_ >= options_.heartbeat) {
         event.mutable_heartbeat();
-        return true;
+        return event;
     }
-    return false;
+    return std::nullopt;
 }
 
 // The hub's thread alone finishes streams, so one that is still in streams_ is alive.
@@ -218,43 +220,50 @@ void QueueHub::feed(QueueStream& stream) {
             end = shutting_down_status();
         }
     }
-    const auto now = std::chrono::steady_clock::now();
-    if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
-        stream.last_check_ = now;
-        try {
-            if (!is_still_valid_(stream.who_)) {
-                end = credential_ended_status();
-            }
-        } catch (const std::exception&) {
-            end = to_status(std::current_exception());
-        }
-    }
-    bool has_message = false;
-    v1::QueueEvent event;
+    std::optional<v1::QueueEvent> event;
     if (!end) {
         try {
-            has_message = next(stream, event);
+            check_credential(stream);
+            event = next(stream);
         } catch (const std::exception&) {
             end = to_status(std::current_exception());
         }
     }
     if (end) {
-        {
-            const std::scoped_lock lock(mutex_);
-            streams_.erase(&stream);
-        }
-        stream.slot_.reset();
-        stream.Finish(*end);
-    } else if (has_message) {
-        *event.mutable_time() = to_proto(system_now());
-        stream.message_ = std::move(event);
-        stream.last_write_ = now;
-        {
-            const std::scoped_lock lock(mutex_);
-            stream.is_writing_ = true;
-        }
-        stream.StartWrite(&stream.message_);
+        finish(stream, *end);
+    } else if (event) {
+        write(stream, std::move(*event));
     }
+}
+
+void QueueHub::check_credential(QueueStream& stream) const {
+    const auto now = std::chrono::steady_clock::now();
+    if (is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
+        stream.last_check_ = now;
+        if (!is_still_valid_(stream.who_)) {
+            throw StatusError(credential_ended_status());
+        }
+    }
+}
+
+void QueueHub::finish(QueueStream& stream, const grpc::Status& status) {
+    {
+        const std::scoped_lock lock(mutex_);
+        streams_.erase(&stream);
+    }
+    stream.slot_.reset();
+    stream.Finish(status);
+}
+
+void QueueHub::write(QueueStream& stream, v1::QueueEvent event) {
+    *event.mutable_time() = to_proto(system_now());
+    stream.message_ = std::move(event);
+    stream.last_write_ = std::chrono::steady_clock::now();
+    {
+        const std::scoped_lock lock(mutex_);
+        stream.is_writing_ = true;
+    }
+    stream.StartWrite(&stream.message_);
 }
 
 }  // namespace remesh

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <stop_token>
 #include <thread>
@@ -54,9 +55,13 @@ private:
     void run(std::stop_token stop);
     void feed(QueueStream& stream);
     /// The newest of the jobs that aren't done and weren't sent, or that these were all.
-    void open_with_next(QueueStream& stream, v1::QueueEvent& event);
-    /// What the reader should get next; false if nothing is due.
-    bool next(QueueStream& stream, v1::QueueEvent& event);
+    v1::QueueEvent next_at_first(QueueStream& stream);
+    /// What the reader should get next, if anything is due.
+    std::optional<v1::QueueEvent> next(QueueStream& stream);
+    /// Once a heartbeat. \throws StatusError if who watches wouldn't be let in any more
+    void check_credential(QueueStream& stream) const;
+    void finish(QueueStream& stream, const grpc::Status& status);
+    void write(QueueStream& stream, v1::QueueEvent event);
 
     JobRegistry& registry_;
     const WatchOptions options_;

@@ -226,24 +226,11 @@ void WatchHub::feed(WatchStream& stream) {
             end = shutting_down_status();
         }
     }
-    if (!end && stream.is_complete_) {
-        end = grpc::Status::OK;
-    }
     std::optional<v1::JobEvent> message;
-    if (!end) {
+    if (!end && !stream.is_complete_) {
         try {
             message = stream.next(registry_, options_.max_backlog);
-        } catch (const std::exception&) {
-            end = to_status(std::current_exception());
-        }
-    }
-    const auto now = std::chrono::steady_clock::now();
-    if (!end && is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
-        stream.last_check_ = now;
-        try {
-            if (!is_still_valid_(stream.who_)) {
-                end = credential_ended_status();
-            }
+            check_credential(stream);
         } catch (const std::exception&) {
             end = to_status(std::current_exception());
         }
@@ -251,30 +238,49 @@ void WatchHub::feed(WatchStream& stream) {
     if (!end && !message && stream.is_complete_) {
         end = grpc::Status::OK;
     }
-    if (!end && !message && now - stream.last_write_ >= options_.heartbeat) {
+    if (!end && !message &&
+        std::chrono::steady_clock::now() - stream.last_write_ >= options_.heartbeat) {
         message.emplace().mutable_heartbeat();
     }
     if (end) {
-        {
-            const std::scoped_lock lock(mutex_);
-            auto found = streams_.find(stream.key_);
-            found->second.erase(&stream);
-            if (found->second.empty()) {
-                streams_.erase(found);
-            }
-            awake_.erase(&stream);
-        }
-        stream.slot_.reset();
-        stream.Finish(*end);
+        finish(stream, *end);
     } else if (message) {
-        {
-            const std::scoped_lock lock(mutex_);
-            stream.is_writing_ = true;
-        }
-        stream.last_write_ = now;
-        stream.message_ = std::move(*message);
-        stream.StartWrite(&stream.message_);
+        write(stream, std::move(*message));
     }
+}
+
+void WatchHub::check_credential(WatchStream& stream) const {
+    const auto now = std::chrono::steady_clock::now();
+    if (is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
+        stream.last_check_ = now;
+        if (!is_still_valid_(stream.who_)) {
+            throw StatusError(credential_ended_status());
+        }
+    }
+}
+
+void WatchHub::finish(WatchStream& stream, const grpc::Status& status) {
+    {
+        const std::scoped_lock lock(mutex_);
+        const auto found = streams_.find(stream.key_);
+        found->second.erase(&stream);
+        if (found->second.empty()) {
+            streams_.erase(found);
+        }
+        awake_.erase(&stream);
+    }
+    stream.slot_.reset();
+    stream.Finish(status);
+}
+
+void WatchHub::write(WatchStream& stream, v1::JobEvent message) {
+    {
+        const std::scoped_lock lock(mutex_);
+        stream.is_writing_ = true;
+    }
+    stream.last_write_ = std::chrono::steady_clock::now();
+    stream.message_ = std::move(message);
+    stream.StartWrite(&stream.message_);
 }
 
 }  // namespace remesh

@@ -70,6 +70,10 @@ private:
     void wake(WatchStream* stream);
     void run(std::stop_token stop);
     void feed(WatchStream& stream);
+    /// Once a heartbeat. \throws StatusError if who watches wouldn't be let in any more
+    void check_credential(WatchStream& stream) const;
+    void finish(WatchStream& stream, const grpc::Status& status);
+    void write(WatchStream& stream, v1::JobEvent message);
 
     JobRegistry& registry_;
     const WatchOptions options_;

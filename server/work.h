@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -15,10 +16,12 @@ namespace remesh {
 struct WorkFlags {
     std::filesystem::path data_dir{};
     WorkerOptions workers{.workers = 1, .threads = 0};  ///< Threads 0: the processors, divided.
-    int max_run_time = 86'400;                          ///< Seconds.
-    std::int64_t max_job_memory = 0;                    ///< MiB; 0: four fifths, divided.
+    std::int64_t max_run_time =                         ///< Seconds.
+        std::chrono::floor<std::chrono::seconds>(DeskOptions{}.max_run_time).count();
+    std::int64_t max_job_memory = 0;  ///< MiB; 0: four fifths, divided.
     std::optional<std::int64_t> max_running_of_tenant{};
-    double checkpoint_interval = 5.0;  ///< Seconds.
+    double checkpoint_interval =  ///< Seconds.
+        std::chrono::duration<double>(WorkerOptions{}.checkpoint_interval).count();
     std::string worker_process = "on";
     std::string log_level = "info";
 };

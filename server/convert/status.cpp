@@ -106,16 +106,16 @@ grpc::Status status_of(const AccessError& error) {
     return {grpc::StatusCode::INTERNAL, "unknown error"};
 }
 
-std::pair<grpc::StatusCode, const char*> code_of(ErrorCode code) {
+grpc::StatusCode code_of(ErrorCode code) {
     switch (code) {
-        case ErrorCode::InvalidInput: return {grpc::StatusCode::INVALID_ARGUMENT, "INVALID_INPUT"};
-        case ErrorCode::Unsupported: return {grpc::StatusCode::INVALID_ARGUMENT, "UNSUPPORTED"};
-        case ErrorCode::Unmeshable: return {grpc::StatusCode::FAILED_PRECONDITION, "UNMESHABLE"};
-        case ErrorCode::TooLarge: return {grpc::StatusCode::RESOURCE_EXHAUSTED, "TOO_LARGE"};
-        case ErrorCode::Cancelled: return {grpc::StatusCode::CANCELLED, "CANCELLED"};
-        case ErrorCode::Internal: return {grpc::StatusCode::INTERNAL, "INTERNAL"};
+        case ErrorCode::InvalidInput: return grpc::StatusCode::INVALID_ARGUMENT;
+        case ErrorCode::Unsupported: return grpc::StatusCode::INVALID_ARGUMENT;
+        case ErrorCode::Unmeshable: return grpc::StatusCode::FAILED_PRECONDITION;
+        case ErrorCode::TooLarge: return grpc::StatusCode::RESOURCE_EXHAUSTED;
+        case ErrorCode::Cancelled: return grpc::StatusCode::CANCELLED;
+        case ErrorCode::Internal: return grpc::StatusCode::INTERNAL;
     }
-    return {grpc::StatusCode::INTERNAL, "INTERNAL"};
+    return grpc::StatusCode::INTERNAL;
 }
 
 grpc::Status failed_status() {
@@ -144,8 +144,8 @@ grpc::Status to_status(const std::exception_ptr& error) {
     } catch (const AccessError& access_error) {
         return status_of(access_error);
     } catch (const Error& core_error) {
-        const auto [code, reason] = code_of(core_error.code());
-        return StatusBuilder(code, core_error.what(), reason).build();
+        const ErrorCode code = core_error.code();
+        return StatusBuilder(code_of(code), core_error.what(), reason_of(code)).build();
     } catch (const StoreError& store_error) {
         spdlog::error("event=store_failed message=\"{}\"", store_error.what());
         return store_error.kind() == StoreError::Kind::Full ? storage_full_status()

@@ -64,6 +64,41 @@ std::string disposition(const std::string& kind, const std::string& name) {
     return kind + (encoded.empty() ? "" : "; filename*=UTF-8''" + encoded);
 }
 
+using Download = StreamCall<v1::DownloadArtifactResponse>;
+
+/// Sends what httplib asks for.
+/// \param open   begins a download of `limit` bytes from `offset` on
+/// \param begun  a download of everything whose `first` message was read, or null
+template <typename Open>
+httplib::ContentProvider sending(Open open, std::shared_ptr<Download> begun,
+                                 const v1::DownloadArtifactResponse& first) {
+    return [open, begun = std::move(begun), first](std::size_t offset, std::size_t length,
+                                                   httplib::DataSink& sink) mutable {
+        const auto send = [&sink](const std::string& bytes) {
+            return sink.write(bytes.data(), bytes.size());
+        };
+        try {
+            auto download = std::exchange(begun, nullptr);
+            if (download && !send(first.data())) {
+                return false;
+            }
+            if (!download) {
+                download =
+                    open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
+            }
+            v1::DownloadArtifactResponse chunk;
+            while (download->read(&chunk)) {
+                if (!send(chunk.data())) {
+                    return false;
+                }
+            }
+            return download->finish().ok();
+        } catch (const ShuttingDown&) {
+            return false;  // The headers are out: all that is left is to hang up.
+        }
+    };
+}
+
 }  // namespace
 
 Gateway::Gateway(const std::shared_ptr<grpc::Channel>& channel, const AccessRules& rules)
@@ -274,7 +309,7 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
     const std::string sha256 = request.matches[1];
     const std::string token = token_of(request);
     const auto open = [this, sha256, token](std::int64_t offset, std::int64_t limit) {
-        auto download = std::make_shared<StreamCall<v1::DownloadArtifactResponse>>(calls_, token);
+        auto download = std::make_shared<Download>(calls_, token);
         v1::DownloadArtifactRequest get;
         get.set_sha256(sha256);
         get.set_offset(offset);
@@ -305,33 +340,7 @@ void Gateway::download(const httplib::Request& request, httplib::Response& respo
     if (!is_whole) {
         probe.reset();
     }
-    response.set_content_provider(
-        size, type,
-        [open, probe, first](std::size_t offset, std::size_t length,
-                             httplib::DataSink& sink) mutable {
-            const auto send = [&sink](const std::string& bytes) {
-                return sink.write(bytes.data(), bytes.size());
-            };
-            try {
-                auto download = std::exchange(probe, nullptr);
-                v1::DownloadArtifactResponse chunk;
-                if (download && !send(first.data())) {
-                    return false;
-                }
-                if (!download) {
-                    download =
-                        open(static_cast<std::int64_t>(offset), static_cast<std::int64_t>(length));
-                }
-                while (download->read(&chunk)) {
-                    if (!send(chunk.data())) {
-                        return false;
-                    }
-                }
-                return download->finish().ok();
-            } catch (const ShuttingDown&) {
-                return false;  // The headers are out: all that is left is to hang up.
-            }
-        });
+    response.set_content_provider(size, type, sending(open, std::move(probe), first));
 }
 
 }  // namespace remesh::http

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/error.h"
 #include "core/estimate.h"
 #include "core/image/read_image.h"
 #include "core/io/mesh_io.h"
@@ -126,6 +127,9 @@ enum class JobErrorCode {
     Changed,  ///< The caller's idea of the job is out of date.
     ShuttingDown,
 };
+
+/// Stable UPPER_SNAKE_CASE name of an error, for callers: "INVALID_INPUT".
+[[nodiscard]] const char* reason_of(ErrorCode code);
 
 /// Why the registry refuses a call.
 class JobError : public std::runtime_error {

@@ -15,24 +15,11 @@ constexpr std::chrono::milliseconds kListenInterval{500};
 // Newest successes that an estimate goes by.
 constexpr std::size_t kRunsForEstimate = 20;
 
-std::string summary_of(const std::vector<FieldProblem>& problems) {
-    std::string text;
-    for (const FieldProblem& problem : problems) {
-        text += (text.empty() ? "" : "; ") + problem.message;
-    }
-    return text;
-}
-
 JobError limit_error(const std::string& subject, const std::string& what, std::int64_t limit) {
     return {JobErrorCode::LimitPassed, what + std::to_string(limit), subject};
 }
 
 }  // namespace
-
-JobError::JobError(std::vector<FieldProblem> problems)
-    : std::runtime_error(summary_of(problems)),
-      code_(JobErrorCode::BadRequest),
-      problems_(std::move(problems)) {}
 
 JobRegistry::JobRegistry(JobStore& store, ArtifactStore& artifacts, const JobCodec& codec,
                          const Engine& engine, const RegistryOptions& options, Clock clock)

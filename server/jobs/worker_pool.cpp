@@ -121,18 +121,6 @@ private:
     SteadyTime last_sample_{};
 };
 
-const char* reason_of(ErrorCode code) {
-    switch (code) {
-        case ErrorCode::InvalidInput: return "INVALID_INPUT";
-        case ErrorCode::Unsupported: return "UNSUPPORTED";
-        case ErrorCode::Unmeshable: return "UNMESHABLE";
-        case ErrorCode::TooLarge: return "TOO_LARGE";
-        case ErrorCode::Cancelled: return "CANCELLED";
-        case ErrorCode::Internal: return "INTERNAL";
-    }
-    return "INTERNAL";
-}
-
 /// How an attempt ended, for the log.
 struct Ending {
     Ending(std::optional<JobState> ended, const char* why)

@@ -12,9 +12,7 @@ namespace remesh {
 namespace {
 
 using testing::CallContext;
-using testing::detail_of;
 using testing::Gate;
-using ::testing::HasSubstr;
 using testing::ScriptedEngine;
 using ::testing::SizeIs;
 using testing::TestServer;
@@ -166,113 +164,6 @@ TEST(Service, AnswersAnEqualJobByTheResultUnlessToldNotTo) {
     EXPECT_EQ(other.state(), v1::Job::STATE_QUEUED);
 }
 
-/// A job with an image of sizes beside its surface.
-v1::CreateJobRequest request_with_image(TestServer& server, const std::string& image) {
-    v1::CreateJobRequest request = server.request_for("mesh");
-    server.upload(image);
-    request.mutable_spec()->mutable_size_image()->mutable_digest()->set_sha256(sha256_of(image));
-    return request;
-}
-
-TEST(Service, GivesAJobItsSizeImage) {
-    TestServer server(kCopy);
-    v1::Job created;
-
-    const auto status = server.create(request_with_image(server, "image"), &created);
-    const v1::Job job = server.watch(created.name()).back().completed();
-    std::string bytes;
-    server.download(job.result().outputs(0).digest().sha256(), 0, 0, &bytes);
-
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    EXPECT_EQ(bytes, "out:meshimage");
-    EXPECT_EQ(job.spec().size_image().digest().size_bytes(), 5);
-    EXPECT_EQ(job.result().provenance().size_image().sha256(), sha256_of("image"));
-}
-
-TEST(Service, AnswersAJobWithAnotherSizeImageByNoOldResult) {
-    TestServer server(kCopy);
-    v1::Job first;
-    server.create(request_with_image(server, "image"), &first);
-    server.watch(first.name());
-    v1::Job again;
-    v1::Job other;
-    v1::Job none;
-
-    server.create(request_with_image(server, "image"), &again);
-    server.create(request_with_image(server, "other image"), &other);
-    server.create(server.request_for("mesh"), &none);
-
-    EXPECT_EQ(again.origin(), first.name());
-    EXPECT_EQ(other.origin(), "");
-    EXPECT_EQ(none.origin(), "");
-}
-
-TEST(Service, RefusesAJobWhoseSizeImageIsNotThereOrMalformed) {
-    TestServer server(kCopy);
-    v1::CreateJobRequest request = request_with_image(server, "image");
-    v1::Digest& digest = *request.mutable_spec()->mutable_size_image()->mutable_digest();
-    v1::Job job;
-
-    digest.set_sha256(sha256_of("other"));
-    const grpc::Status missing = server.create(request, &job);
-    request.set_validate_only(true);
-    const grpc::Status missing_in_check = server.create(request, &job);
-    digest.set_sha256("42");
-    request.mutable_spec()->mutable_size_image()->set_format(static_cast<v1::ImageFormat>(9));
-    const grpc::Status malformed = server.create(request, &job);
-
-    for (const grpc::Status& status : {missing, missing_in_check}) {
-        EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
-        const auto details = detail_of<google::rpc::ResourceInfo>(status);
-        ASSERT_TRUE(details);
-        EXPECT_EQ(details->resource_name(), sha256_of("other"));
-    }
-    EXPECT_EQ(malformed.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
-    EXPECT_THAT(malformed.error_message(), HasSubstr("spec.size_image.digest.sha256"));
-    EXPECT_THAT(malformed.error_message(), HasSubstr("spec.size_image.format"));
-}
-
-TEST(Service, EstimatesAJobWithItsSizeImage) {
-    TestServer server(kCopy);
-    v1::CreateJobRequest request = request_with_image(server, "image");
-    request.set_validate_only(true);
-    v1::Job job;
-
-    const grpc::Status status = server.create(request, &job);
-
-    EXPECT_TRUE(status.ok()) << status.error_message();
-    EXPECT_EQ(job.estimate().tets(), 9);
-}
-
-TEST(Service, KeepsTheSizeImageOfAJobThatWaits) {
-    Gate gate;
-    const ScriptedEngine engine(testing::behind(gate));
-    TestServer server(engine);
-    v1::Job running;
-    server.create(server.request_for("first"), &running);
-    gate.wait_for_a_run();
-    v1::Job cancelled;
-    v1::Job waiting;
-    server.create(request_with_image(server, "image"), &cancelled);
-    server.create(request_with_image(server, "image"), &waiting);
-
-    server.cancel(cancelled.name(), &cancelled);
-    const grpc::Status removal = server.remove(cancelled.name());
-    gate.open();
-    const v1::Job done = server.watch(waiting.name()).back().completed();
-    std::string bytes;
-    const grpc::Status kept = server.download(sha256_of("image"), 0, 0, &bytes);
-    const grpc::Status last_removal = server.remove(waiting.name());
-    const grpc::Status gone = server.download(sha256_of("image"), 0, 0, &bytes);
-
-    EXPECT_TRUE(removal.ok()) << removal.error_message();
-    EXPECT_EQ(done.state(), v1::Job::STATE_SUCCEEDED);
-    EXPECT_TRUE(kept.ok()) << kept.error_message();
-    EXPECT_EQ(bytes, "image");
-    EXPECT_TRUE(last_removal.ok()) << last_removal.error_message();
-    EXPECT_EQ(gone.error_code(), grpc::StatusCode::NOT_FOUND);
-}
-
 TEST(Service, TriesAFailedJobAgainAsANewOne) {
     std::atomic<bool> is_broken = true;
     const ScriptedEngine engine(
@@ -370,93 +261,6 @@ TEST(Service, GoesOnWithQueuedRunningAndFinishedJobsAfterARestart) {
     std::string bytes;
     server.download(after.back().completed().result().outputs(0).digest().sha256(), 0, 0, &bytes);
     EXPECT_EQ(bytes, "out:finished");
-}
-
-TEST(Service, ListsJobsInPages) {
-    TestServer server(kCopy);
-    std::vector<std::string> names;
-    for (int i = 0; i < 5; ++i) {
-        names.insert(names.begin(), server.create("mesh " + std::to_string(i)).name());
-        server.watch(names.front());
-    }
-
-    std::vector<std::string> listed;
-    v1::ListJobsRequest request;
-    request.set_page_size(2);
-    do {
-        CallContext context;
-        v1::ListJobsResponse page;
-        ASSERT_TRUE(server.jobs->ListJobs(&context, request, &page).ok());
-        for (const v1::Job& job : page.jobs()) {
-            listed.push_back(job.name());
-        }
-        request.set_page_token(page.next_page_token());
-    } while (!request.page_token().empty());
-    request.set_page_token("nonsense");
-    CallContext context;
-    v1::ListJobsResponse page;
-
-    EXPECT_EQ(listed, names);
-    EXPECT_EQ(server.jobs->ListJobs(&context, request, &page).error_code(),
-              grpc::StatusCode::INVALID_ARGUMENT);
-}
-
-TEST(Service, GoesOnListingAfterARestart) {
-    TestServer server(kCopy);
-    const std::string first = server.create("one").name();
-    const std::string second = server.create("two").name();
-    const auto list = [&](const std::string& token) {
-        CallContext context;
-        v1::ListJobsRequest request;
-        request.set_page_size(1);
-        request.set_page_token(token);
-        v1::ListJobsResponse page;
-        EXPECT_TRUE(server.jobs->ListJobs(&context, request, &page).ok());
-        return page;
-    };
-
-    const v1::ListJobsResponse before = list("");
-    server.stop();
-    server.start();
-    const v1::ListJobsResponse after = list(before.next_page_token());
-
-    EXPECT_EQ(before.jobs(0).name(), second);
-    EXPECT_EQ(after.jobs(0).name(), first);
-    EXPECT_EQ(after.next_page_token(), "");
-}
-
-TEST(Service, EndsAPageBeforeItPassesAMessage) {
-    TestServer server(kCopy);
-    v1::CreateJobRequest request = server.request_for("mesh");
-    request.mutable_spec()
-        ->mutable_options()
-        ->mutable_sizing()
-        ->add_regions()
-        ->mutable_points()
-        ->mutable_coordinates()
-        ->Resize(150'000, 1.0);
-    std::vector<std::string> names;
-    for (int seed = 0; seed < 5; ++seed) {
-        request.mutable_spec()->mutable_options()->set_seed(seed);
-        v1::Job job;
-        ASSERT_TRUE(server.create(request, &job).ok());
-        names.insert(names.begin(), job.name());
-    }
-
-    std::vector<std::string> listed;
-    v1::ListJobsRequest asked;
-    do {
-        CallContext context;
-        v1::ListJobsResponse page;
-        const grpc::Status status = server.jobs->ListJobs(&context, asked, &page);
-        ASSERT_TRUE(status.ok()) << status.error_message();
-        for (const v1::Job& job : page.jobs()) {
-            listed.push_back(job.name());
-        }
-        asked.set_page_token(page.next_page_token());
-    } while (!asked.page_token().empty());
-
-    EXPECT_EQ(listed, names);
 }
 
 TEST(Service, DeletesTerminalJobsAlone) {
