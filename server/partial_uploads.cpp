@@ -20,8 +20,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kUnkeptPrefix = ".unkept-";
 constexpr std::size_t kReadBytes = std::size_t{1} << 20U;
-// Of the disk, or a twentieth of it: for the database and the results of what runs.
-constexpr std::uintmax_t kDiskReserve = std::uintmax_t{256} << 20U;
 
 /// Opens and locks the file of that name; -1 if somebody else has it.
 int open_locked(const fs::path& path) {
@@ -166,14 +164,6 @@ std::int64_t PartialUploads::bytes_of(const std::string& tenant) const {
     const std::scoped_lock lock(mutex_);
     const auto found = announced_.find(tenant);
     return found == announced_.end() ? bytes : bytes + found->second;
-}
-
-void PartialUploads::require_disk(std::int64_t bytes) const {
-    const fs::space_info disk = fs::space(data_dir_);
-    const auto reserve = std::min(kDiskReserve, disk.capacity / 20);
-    if (disk.available < reserve || disk.available - reserve < static_cast<std::uintmax_t>(bytes)) {
-        throw StoreError("store: the disk has no room for an upload", StoreError::Kind::Full);
-    }
 }
 
 int PartialUploads::count(const std::string& tenant) const {

@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "server/store/data_dir.h"
 #include "server/store/digest.h"
 #include "server/store/job_store.h"
 
@@ -65,7 +66,7 @@ public:
     /// streams are at.
     [[nodiscard]] std::int64_t bytes_of(const std::string& tenant) const;
     /// \throws StoreError{Full} if so many bytes would leave too little of the disk to work with
-    void require_disk(std::int64_t bytes) const;
+    void require_disk(std::int64_t bytes) const { require_room(data_dir_, bytes); }
     /// How many uploads of a tenant there are, those that rest and those that streams are at.
     [[nodiscard]] int count(const std::string& tenant) const;
     /// Where an upload stands: 0 if none is there, or while a stream is at it.

@@ -25,7 +25,17 @@ constexpr std::array<unsigned long, 12> kNetworkFileSystems{
     0x01021997, 0x7461636f, 0x01161970, 0x0bd00bd0, 0x47504653, 0x19830326,
 };
 
+constexpr std::uintmax_t kReserve = std::uintmax_t{256} << 20U;
+
 }  // namespace
+
+void require_room(const std::filesystem::path& directory, std::int64_t bytes) {
+    const std::filesystem::space_info disk = std::filesystem::space(directory);
+    const auto reserve = std::min(kReserve, disk.capacity / 20);
+    if (disk.available < reserve || disk.available - reserve < static_cast<std::uintmax_t>(bytes)) {
+        throw StoreError("store: the disk is nearly full", StoreError::Kind::Full);
+    }
+}
 
 bool is_network_file_system(unsigned long type) {
     return std::find(kNetworkFileSystems.begin(), kNetworkFileSystems.end(), type & 0xffffffffUL) !=

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 namespace remesh {
@@ -10,6 +11,11 @@ namespace remesh {
 /// \throws StoreError if it can't be made or lies on a network file system, where neither locks nor
 /// syncs can be trusted
 void prepare_data_dir(const std::filesystem::path& path);
+
+/// Keeps 256 MiB of a directory's disk, or a twentieth of it, for the database and the results of
+/// what runs.
+/// \throws StoreError{Full} if `bytes` more would leave less
+void require_room(const std::filesystem::path& directory, std::int64_t bytes);
 
 /// Whether a file system of this type (statfs's f_type) is on another machine.
 [[nodiscard]] bool is_network_file_system(unsigned long type);

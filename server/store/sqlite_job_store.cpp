@@ -4,6 +4,7 @@
 #include <string_view>
 #include <utility>
 
+#include "server/store/data_dir.h"
 #include "server/store/sqlite_schema.h"
 #include "server/store/sqlite_store.h"
 
@@ -87,7 +88,8 @@ void answer_from_cache(Connection& connection, JobRecord& job, const std::string
 }  // namespace
 
 Store::Store(const std::filesystem::path& file)
-    : writer_(file.string(), Connection::Mode::ReadWrite),
+    : directory_(file.parent_path()),
+      writer_(file.string(), Connection::Mode::ReadWrite),
       reader_(file.string(), Connection::Mode::ReadWrite),
       bell_(file.string() + "-bell") {
     require_own(writer_);
@@ -114,6 +116,7 @@ Creation Store::create(const NewJob& job, const QueueLimits& limits, Time now) {
     if (auto obstacle = find_obstacle(connection, job, limits)) {
         return *obstacle;
     }
+    require_room(directory_, static_cast<std::int64_t>(job.spec.size()));
     insert_job(connection, job, now);
     auto record = find_job(connection, job.key);
     enter(connection, *record, JobState::Queued, now);

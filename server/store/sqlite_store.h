@@ -91,6 +91,8 @@ private:
     template <typename Next>
     std::optional<JobRecord> end_attempt(const Claim& claim, Time now, Next next);
 
+    std::filesystem::path directory_;
+
     std::mutex writer_mutex_;
     Connection writer_;  // needs writer_mutex_
 
