@@ -250,6 +250,7 @@ void LeaseDesk::end_stuck(const Attempts& attempts) {
     const SteadyTime now = std::chrono::steady_clock::now();
     for (const auto& attempt : attempts) {
         std::optional<Settlement> failure;
+        Stage stage{};
         {
             const std::scoped_lock lock(mutex_);
             // Who drains has a grace of its own.
@@ -258,7 +259,8 @@ void LeaseDesk::end_stuck(const Attempts& attempts) {
                 attempt->stop_reason == Attempt::StopReason::Drain) {
                 continue;
             }
-            failure = failure_of(attempt->stop_reason, attempt->stage);
+            stage = attempt->stage;
+            failure = failure_of(attempt->stop_reason, stage);
         }
         try {
             end(*attempt, [&](const Claim& claim) {
@@ -273,7 +275,7 @@ void LeaseDesk::end_stuck(const Attempts& attempts) {
             continue;
         }
         spdlog::error("event=run_stuck job={} attempt={} stage={}", attempt->job.key.id,
-                      attempt->job.attempt, stage_name(attempt->stage));
+                      attempt->job.attempt, stage_name(stage));
         if (options_.on_stuck) {
             options_.on_stuck();
         }
