@@ -15,6 +15,7 @@
 #include "core/mesh/preview.h"
 #include "core/mesh/quality.h"
 #include "core/parallel.h"
+#include "core/stages/sizing/diffused_map.h"
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/text.h"
 #include "core/stages/verify.h"

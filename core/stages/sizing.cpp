@@ -325,8 +325,8 @@ SizingMap build_sizing_field(const Domain& domain, const FeatureSet& features, d
     const double h_min = min_size_of(options, edge_length);
     Sources sources = spreading_sources(domain, features, options, h_min, h_max, run, wishes);
     std::optional<MapToSpread> map;
-    if (options.propagation != Propagation::Lipschitz && !sources.empty()) {
-        const LipschitzField demands(sources, h_min, h_max);
+    const LipschitzField demands(sources, h_min, h_max);
+    if (options.propagation != Propagation::Lipschitz && !demands.is_uniform()) {
         map = {demands, options.gradation,
                options.reaction.value_or(
                    reaction_for(demands.h_min(), demands.h_max(), options.gradation))};

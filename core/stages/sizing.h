@@ -11,9 +11,10 @@
 #include "core/geometry/sizing_field.h"
 #include "core/run_context.h"
 #include "core/stages/features.h"
-#include "core/stages/sizing/diffused_map.h"
 
 namespace remesh {
+
+class CoupledSizing;
 
 /// Edges of `first_size` on the boundary, which grow by `growth` from one layer of elements to the
 /// next: h = first_size + (growth - 1) / 0.85 * distance, since a layer is 0.85 edges high.
@@ -51,7 +52,7 @@ enum class Propagation {
     Lipschitz,  ///< h grows by the gradation, exactly: the coarsest map that honours all demands.
     Multigrid,  ///< Also, dc/dt = div grad c + R c with c = ln(max_size / h), the paper's
                 ///< diffusion, to its steady state on a coarse uniform mesh of the body.
-    Coupled,  ///< The same on the particles themselves, a step each time they are repopulated.
+    Coupled,    ///< The same on the particles themselves, a step each time they are repopulated.
 };
 
 /// What asks for smaller edges than usual, and where. All demands are combined by their minimum.

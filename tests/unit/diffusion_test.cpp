@@ -15,6 +15,7 @@
 #include "core/stages/relax.h"
 #include "core/stages/seed.h"
 #include "core/stages/sizing.h"
+#include "core/stages/sizing/diffused_map.h"
 #include "core/stages/tetrahedralize.h"
 #include "tests/support/analytic_domain.h"
 
@@ -206,6 +207,17 @@ TEST(CoupledSizing, ComesToTheSteadyStateWithItsParticles) {
     EXPECT_GT(particles.size(), before);
     expect_steady_in_the_ball(*map.field);
     expect_graded_and_finer(*map.field, *coarsest);
+}
+
+TEST(BuildSizingField, IsUniformWhereNothingThatCouldDiffuseIsAskedFor) {
+    const BoxDomain box(Vec3(4, 4, 4));
+    for (const auto propagation : {Propagation::Multigrid, Propagation::Coupled}) {
+        SizingOptions options{.guard_thickness = false, .propagation = propagation};
+        options.regions = {{SizingSphere{Vec3(2, 2, 2), 1.0}, 0.5, {}}};
+
+        EXPECT_TRUE(map_of(box, options).field->is_uniform());
+        EXPECT_EQ(map_of(box, options).coupled, nullptr);
+    }
 }
 
 TEST(CoupledSizing, KeepsToTheGrowthThatALayerAsksFor) {

@@ -23,7 +23,8 @@ struct MapToSpread {
     double reaction = -1.0;  ///< R, 1 / (model unit)^2, < 0.
 };
 
-/// R for which the map is about as steep as `gradation` in front of a flat wall of size `h_min`.
+/// R for which the map is about as steep as `gradation` in front of a flat wall of size `h_min`,
+/// less than `h_max`.
 double reaction_for(double h_min, double h_max, double gradation);
 
 /// The paper's multigrid mode: the steady state, on a coarse uniform mesh of the domain.
