@@ -234,6 +234,29 @@ TEST(Pipeline, ShufflingTheTrianglesOfADamagedInputChangesNothingThatMatters) {
     expect_same_when_shuffled(damaged_bifurcation(), 0.06, 0.01);
 }
 
+class EveryPropagation : public ::testing::TestWithParam<Propagation> {};
+
+TEST_P(EveryPropagation, GradesAnAortaAlikeOnAnyNumberOfThreads) {
+    RemeshOptions options;
+    options.edge_length = 2.0;
+    options.sizing.max_size = 8.0;
+    options.sizing.chord_error = 0.08;
+    options.sizing.propagation = GetParam();
+    const SurfaceMesh surface = read_file(REMESH_TEST_DATA_DIR "/aorta.stl");
+
+    const RemeshResult one = remesh_on(1, surface, options);
+    const RemeshResult more = remesh_on(3, surface, options);
+
+    EXPECT_TRUE(same_bits(more.tets.vertices, one.tets.vertices));
+    EXPECT_EQ(more.tets.tets, one.tets.tets);
+    EXPECT_GE(one.report.tets->radius_ratio.mean, 0.90);
+    EXPECT_GE(one.report.tets->min_dihedral, 20.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, EveryPropagation,
+                         ::testing::Values(Propagation::Lipschitz, Propagation::Multigrid,
+                                           Propagation::Coupled));
+
 TEST(Pipeline, ChoosesAnEdgeLengthWhenNoneIsGiven) {
     const auto result = remesh_on(2, testing::icosphere(4), {});
 

@@ -88,5 +88,14 @@ TEST(Resume, EndsAsAnUndisturbedRunThatHadToCoarsen) {
     EXPECT_EQ(whole.report.coarsened_from, 0.2);
 }
 
+TEST(Resume, EndsAsAnUndisturbedRunWhoseSizesDiffuseOnTheParticles) {
+    RemeshOptions options;
+    options.edge_length = 0.2;
+    options.sizing.max_size = 0.6;
+    options.sizing.chord_error = 0.01;
+    options.sizing.propagation = Propagation::Coupled;
+    expect_same_from({0.1, 0.5, 0.8}, testing::icosphere(3), options);
+}
+
 }  // namespace
 }  // namespace remesh
