@@ -32,6 +32,7 @@ constexpr double kHopeless = 1.5;       // Times max_tets: not even tried.
 constexpr int kMaxCoarsenings = 10;
 constexpr double kCoarsenMargin = 1.02;  // Of h, as the boundary takes its share.
 constexpr int kGradedIterations = 60;    // Of a relaxation of the volume where sizes vary.
+constexpr int kFewestCycles = 4;         // A step goes half the way at least.
 constexpr int kMostCycles = 10;          // Of a map that diffuses on the particles.
 constexpr double kSettled = 0.01;        // Of the particles; no more come or go in the last cycle.
 
@@ -192,7 +193,8 @@ void repopulate(Filling& filling, const Domain& domain, const SizingMap& map, in
         if (map.coupled) {
             map.coupled->repopulate(populated.origin);
             const auto changed = static_cast<double>(populated.inserted + populated.removed);
-            is_settled = changed < kSettled * static_cast<double>(particles.size());
+            is_settled = pass + 1 >= kFewestCycles &&
+                         changed < kSettled * static_cast<double>(particles.size());
         }
         particles = relax_volume(populated.particles, domain, *map.field, relax, run).particles;
         clock.enter(Stage::Tetrahedralize);

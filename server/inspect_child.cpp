@@ -148,7 +148,7 @@ int answer(const std::function<std::string(std::string_view question)>& think) {
         const rlimit both{most, most};
         ::setrlimit(resource, &both);
     };
-    limit_process_memory(kMaxMemory);
+    limit_address_space(kMaxMemory);
     limit(RLIMIT_CPU, kMaxSeconds);
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_FSIZE, kMaxFile);

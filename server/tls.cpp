@@ -53,7 +53,9 @@ std::chrono::sys_seconds end_of(const Certificate& certificate) {
 
 /// Once it has ended, no client takes it.
 void warn_of_end(std::chrono::sys_seconds end, const std::filesystem::path& file) {
-    const auto left = end - std::chrono::system_clock::now();
+    // In seconds: a certificate without an end says the year 9999, too far for nanoseconds.
+    const auto left =
+        end - std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now());
     if (left <= std::chrono::seconds(0)) {
         spdlog::warn("event=certificate_expired file={}", file.string());
     } else if (left < kWarnBefore) {

@@ -23,6 +23,7 @@ namespace {
 using Sources = std::vector<std::shared_ptr<const SizingSource>>;
 
 constexpr double kLeastShare = 0.1;      // Of max_size: min_size if nobody says.
+constexpr double kStrongest = 1e6;       // Reaction times h^2: nothing spreads any more.
 constexpr double kWorthIt = 0.97;        // Refinement by less than this isn't worth a sample.
 constexpr double kFinestProbes = 0.35;   // Spacing of curvature probes over min_size, at least.
 constexpr double kCoarsestProbes = 0.5;  // Spacing of thickness probes over max_size, at most.
@@ -328,8 +329,9 @@ SizingMap build_sizing_field(const Domain& domain, const FeatureSet& features, d
     const LipschitzField demands(sources, h_min, h_max);
     if (options.propagation != Propagation::Lipschitz && !demands.is_uniform()) {
         map = {demands, options.gradation,
-               options.reaction.value_or(
-                   reaction_for(demands.h_min(), demands.h_max(), options.gradation))};
+               std::max(options.reaction.value_or(
+                            reaction_for(demands.h_min(), demands.h_max(), options.gradation)),
+                        -kStrongest / (demands.h_min() * demands.h_min()))};
     }
     run.report(0.5);
     if (map && options.propagation == Propagation::Multigrid) {

@@ -33,6 +33,9 @@ Lease::~Lease() {
     if (!is_settled_) {
         desk_.lose(*attempt_);
     }
+    const std::scoped_lock lock(desk_.mutex_);
+    --desk_.leases_;
+    desk_.attempts_.notify_all();
 }
 
 bool Lease::is_giving_back() const {

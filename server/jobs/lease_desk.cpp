@@ -68,6 +68,7 @@ std::unique_ptr<Lease> LeaseDesk::admit(const JobRecord& job) {
         stop_for(*attempt, Attempt::StopReason::Drain);
     }
     running_[job.key] = attempt;
+    ++leases_;
     attempts_.notify_all();
     return std::make_unique<Lease>(*this, std::move(attempt));
 }
@@ -89,7 +90,7 @@ void LeaseDesk::drain() {
 
 bool LeaseDesk::wait_until_idle(std::chrono::milliseconds timeout) {
     std::unique_lock lock(mutex_);
-    return attempts_.wait_for(lock, timeout, [this] { return running_.empty(); });
+    return attempts_.wait_for(lock, timeout, [this] { return running_.empty() && leases_ == 0; });
 }
 
 void LeaseDesk::surrender() {
@@ -245,41 +246,55 @@ void LeaseDesk::lose_abandoned() {
     }
 }
 
-// Its thread may hang in code that never looks whether it shall stop; what it writes later is void.
+// Their threads may hang in code that never looks whether it shall stop; what they write later is
+// void.
 void LeaseDesk::end_stuck(const Attempts& attempts) {
-    const SteadyTime now = std::chrono::steady_clock::now();
     for (const auto& attempt : attempts) {
-        std::optional<Settlement> failure;
-        Stage stage{};
-        {
-            const std::scoped_lock lock(mutex_);
-            // Who drains has a grace of its own.
-            if (!running_.contains(attempt->job.key) || !attempt->stop_time ||
-                now - *attempt->stop_time < options_.stop_grace ||
-                attempt->stop_reason == Attempt::StopReason::Drain) {
-                continue;
+        if (is_stuck(*attempt) && settle_without(*attempt)) {
+            spdlog::error("event=run_stuck job={} attempt={}", attempt->job.key.id,
+                          attempt->job.attempt);
+            if (options_.on_stuck) {
+                options_.on_stuck();
             }
-            stage = attempt->stage;
-            failure = failure_of(attempt->stop_reason, stage);
-        }
-        try {
-            end(*attempt, [&](const Claim& claim) {
-                return failure ? store_.settle(claim, *failure, clock_())
-                               : store_.give_back(claim, clock_());
-            });
-            drop_previews(attempt->job.key, {});
-        } catch (const StoreError& error) {
-            // It is tried again, as a lost one.
-            spdlog::error("event=store_failed job={} message=\"{}\"", attempt->job.key.id,
-                          error.what());
-            continue;
-        }
-        spdlog::error("event=run_stuck job={} attempt={} stage={}", attempt->job.key.id,
-                      attempt->job.attempt, stage_name(stage));
-        if (options_.on_stuck) {
-            options_.on_stuck();
         }
     }
+}
+
+bool LeaseDesk::is_stuck(const Attempt& attempt) {
+    const std::scoped_lock lock(mutex_);
+    const auto found = running_.find(attempt.job.key);
+    const bool is_running = found != running_.end() && found->second.get() == &attempt;
+    // Who drains has a grace of its own.
+    return is_running && !attempt.is_abandoned && attempt.stop_time &&
+           attempt.stop_reason != Attempt::StopReason::Drain &&
+           std::chrono::steady_clock::now() - *attempt.stop_time >= options_.stop_grace;
+}
+
+bool LeaseDesk::settle_without(Attempt& attempt) {
+    const auto [reason, failure] = [&] {
+        const std::scoped_lock lock(mutex_);
+        return std::pair{attempt.stop_reason, failure_of(attempt.stop_reason, attempt.stage)};
+    }();
+    try {
+        const auto job = end(attempt, [&](const Claim& claim) {
+            return failure ? store_.settle(claim, *failure, clock_())
+                           : store_.give_back(claim, clock_());
+        });
+        if (!job && reason != Attempt::StopReason::Void) {
+            return false;  // The run was faster, after all.
+        }
+    } catch (const StoreError& error) {
+        spdlog::error("event=store_failed job={} message=\"{}\"", attempt.job.key.id, error.what());
+        const std::scoped_lock lock(mutex_);
+        attempt.is_abandoned = false;  // The same verdict is tried again.
+        return false;
+    }
+    try {
+        drop_previews(attempt.job.key, {});
+    } catch (const StoreError& error) {
+        spdlog::error("event=store_failed job={} message=\"{}\"", attempt.job.key.id, error.what());
+    }
+    return true;
 }
 
 void LeaseDesk::flush(Attempt& attempt, const std::vector<NewEvent>& more,

@@ -143,6 +143,9 @@ private:
     void lose_abandoned();
     /// Settles attempts whose run doesn't stop.
     void end_stuck(const Attempts& attempts);
+    bool is_stuck(const Attempt& attempt);
+    /// \return whether it was this that ended the attempt
+    bool settle_without(Attempt& attempt);
     /// How an attempt ends that stopped for a reason; it is given back if that says nothing.
     [[nodiscard]] std::optional<Settlement> failure_of(Attempt::StopReason reason,
                                                        Stage stage) const;
@@ -169,10 +172,11 @@ private:
     std::mutex claim_mutex_;
     std::mutex mutex_;
     std::condition_variable_any work_;                    // work_signals_ or is_draining_ changed
-    std::condition_variable_any attempts_;                // running_ changed
+    std::condition_variable_any attempts_;                // running_ or leases_ changed
     std::map<JobKey, std::shared_ptr<Attempt>> running_;  // needs mutex_
-    std::uint64_t work_signals_ = 0;                      // needs mutex_
-    bool is_draining_ = false;                            // needs mutex_
+    int leases_ = 0;  // That live, also of runs that were settled without them. Needs mutex_.
+    std::uint64_t work_signals_ = 0;  // needs mutex_
+    bool is_draining_ = false;        // needs mutex_
 
     std::jthread tender_;
     std::jthread listener_;

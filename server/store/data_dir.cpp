@@ -30,7 +30,11 @@ constexpr std::uintmax_t kReserve = std::uintmax_t{256} << 20U;
 }  // namespace
 
 void require_room(const std::filesystem::path& directory, std::int64_t bytes) {
-    const std::filesystem::space_info disk = std::filesystem::space(directory);
+    std::error_code error;
+    const std::filesystem::space_info disk = std::filesystem::space(directory, error);
+    if (error) {
+        throw StoreError("store: " + directory.string() + ": " + error.message());
+    }
     const auto reserve = std::min(kReserve, disk.capacity / 20);
     if (disk.available < reserve || disk.available - reserve < static_cast<std::uintmax_t>(bytes)) {
         throw StoreError("store: the disk is nearly full", StoreError::Kind::Full);

@@ -21,6 +21,7 @@ namespace {
 constexpr double kCoarse = 2.5;         // Edges of the coarse mesh over the least size.
 constexpr double kMostTets = 1e6;       // Of the coarse mesh.
 constexpr double kTetsPerVolume = 9.0;  // Of the A15 lattice, per h^3.
+constexpr double kFewestAcross = 10.0;  // Edges of the coarse mesh along the diagonal.
 constexpr double kVolumeCells = 64.0;   // Across the domain, to know its volume.
 constexpr double kInPlace = 0.05;       // Over the spacing: as far from a place is in it.
 
@@ -91,7 +92,9 @@ std::vector<double> plateaus(const MapToSpread& map, const Points& points,
     std::vector<double> radius(points.size(), 0.0);
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (edges[i] > 0.0) {
-            radius[i] = 0.5 * length[i] / edges[i] * std::max(0.0, 1.0 - slope[i] / map.gradation);
+            // Where nothing fills the body, tets reach across it.
+            radius[i] = 0.5 * std::min(length[i] / edges[i], h[i]) *
+                        std::max(0.0, 1.0 - slope[i] / map.gradation);
         }
     }
     return radius;
@@ -117,7 +120,9 @@ std::shared_ptr<const SizingSource> source_of(const MapToSpread& map, const Poin
 
 double coarse_size(const MapToSpread& map, const Domain& domain, const RunContext& run) {
     const double volume = volume_inside(domain, domain.bounds().diagonal() / kVolumeCells, run);
-    return std::max(kCoarse * map.demands.h_min(), std::cbrt(kTetsPerVolume * volume / kMostTets));
+    return std::min(
+        domain.bounds().diagonal() / kFewestAcross,
+        std::max(kCoarse * map.demands.h_min(), std::cbrt(kTetsPerVolume * volume / kMostTets)));
 }
 
 }  // namespace

@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kFlat = 1e-3;  // Volume over that of a regular tet of the same mean squared edge.
 constexpr double kTolerance = 1e-6;
+constexpr int kIterations = 50;  // Between two looks whether to stop.
+constexpr int kRounds = 40;      // A few are enough; what is left then is good enough for sizes.
 
 // What one tet adds to the equations.
 struct Element {
@@ -64,6 +66,7 @@ std::vector<double> diffuse(const Points& points, const std::vector<Tet>& tets,
     Eigen::VectorXd diagonal = Eigen::VectorXd::Zero(n);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(n);
     std::vector<Eigen::Triplet<double>> entries;  // Below the diagonal.
+    entries.reserve(6 * tets.size() + unknowns.size());
     for (std::size_t t = 0; t < tets.size(); ++t) {
         if (t % kGrain == 0) {
             run.checkpoint();
@@ -107,8 +110,15 @@ std::vector<double> diffuse(const Points& points, const std::vector<Tet>& tets,
     }
     Eigen::ConjugateGradient<Eigen::SparseMatrix<double>, Eigen::Lower> solver;
     solver.setTolerance(kTolerance);
+    solver.setMaxIterations(kIterations);
     solver.compute(matrix);
-    values = solver.solveWithGuess(right, values);
+    for (int round = 0; round < kRounds; ++round) {
+        run.checkpoint();
+        values = solver.solveWithGuess(right, values);
+        if (solver.info() == Eigen::Success) {
+            break;
+        }
+    }
     for (Eigen::Index i = 0; i < n; ++i) {
         c[at(unknowns[static_cast<std::size_t>(i)])] = values[i];
     }
