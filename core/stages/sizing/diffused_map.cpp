@@ -93,7 +93,7 @@ std::vector<double> plateaus(const MapToSpread& map, const Points& points,
     for (std::size_t i = 0; i < points.size(); ++i) {
         if (edges[i] > 0.0) {
             // Where nothing fills the body, tets reach across it.
-            radius[i] = 0.5 * std::min(length[i] / edges[i], h[i]) *
+            radius[i] = 0.5 * std::min(length[i] / edges[i], kCoarse * h[i]) *
                         std::max(0.0, 1.0 - slope[i] / map.gradation);
         }
     }
