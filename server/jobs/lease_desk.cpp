@@ -271,10 +271,13 @@ bool LeaseDesk::is_stuck(const Attempt& attempt) {
 }
 
 bool LeaseDesk::settle_without(Attempt& attempt) {
-    const auto [reason, failure] = [&] {
+    auto reason = Attempt::StopReason::None;
+    std::optional<Settlement> failure;
+    {
         const std::scoped_lock lock(mutex_);
-        return std::pair{attempt.stop_reason, failure_of(attempt.stop_reason, attempt.stage)};
-    }();
+        reason = attempt.stop_reason;
+        failure = failure_of(reason, attempt.stage);
+    }
     try {
         const auto job = end(attempt, [&](const Claim& claim) {
             return failure ? store_.settle(claim, *failure, clock_())
