@@ -4,21 +4,12 @@
 #include <map>
 #include <string>
 
-#include "client/choice.h"
+#include "client/flags.h"
 #include "client/formats.h"
 #include "client/sizing_options.h"
 
 namespace remesh::client {
 namespace {
-
-template <typename Value, typename Setter>
-CLI::Option* add_value(CLI::App& command, const std::string& name, const std::string& type,
-                       const std::string& help, Setter set) {
-    return command
-        .add_option_function<Value>(
-            name, [set](const Value& value) { set(value); }, help)
-        ->type_name(type);
-}
 
 template <typename Setter>
 void add_switch(CLI::App& command, const std::string& name, const std::string& help, Setter set) {

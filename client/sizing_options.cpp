@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "client/choice.h"
+#include "client/flags.h"
 
 namespace remesh::client {
 namespace {
@@ -130,15 +130,6 @@ void add_text(CLI::App& command, const std::string& name, const std::string& typ
         ->allow_extra_args(false);
 }
 
-template <typename Setter>
-void add_number(CLI::App& command, const std::string& name, const std::string& type,
-                const std::string& help, Setter set) {
-    command
-        .add_option_function<double>(
-            name, [set](const double& value) { set(value); }, help)
-        ->type_name(type);
-}
-
 }  // namespace
 
 void add_sizing_options(CLI::App& command, v1::Sizing& sizing) {
@@ -146,24 +137,26 @@ void add_sizing_options(CLI::App& command, v1::Sizing& sizing) {
     // First, since options take effect in this order: flags win over the file.
     add_text(command, "--sizing", "FILE", "All of this as JSON, a remesh.v1.Sizing; flags win",
              [&](const std::string& path) { read_file(path, sizing); });
-    add_number(command, "--min-size", "H", "Smallest edge length that anything may ask for",
-               [&](double x) { sizing.set_min_size(x); });
-    add_number(command, "--max-size", "H", "Edge length where nothing asks for less",
-               [&](double x) { sizing.set_max_size(x); });
-    add_number(command, "--gradation", "G", "Growth of sizes over distance, in (0, 0.3]",
-               [&](double x) { sizing.set_gradation(x); });
+    add_value<double>(command, "--min-size", "H", "Smallest edge length that anything may ask for",
+                      [&](double x) { sizing.set_min_size(x); });
+    add_value<double>(command, "--max-size", "H", "Edge length where nothing asks for less",
+                      [&](double x) { sizing.set_max_size(x); });
+    add_value<double>(command, "--gradation", "G", "Growth of sizes over distance, in (0, 0.3]",
+                      [&](double x) { sizing.set_gradation(x); });
     add_choice<v1::Sizing::Propagation>(command, "--propagation",
                                         {{"lipschitz", v1::Sizing::PROPAGATION_LIPSCHITZ},
                                          {"multigrid", v1::Sizing::PROPAGATION_MULTIGRID},
                                          {"coupled", v1::Sizing::PROPAGATION_COUPLED}},
                                         "How sizes spread: by the gradation, or also by diffusion",
                                         [&](auto x) { sizing.set_propagation(x); });
-    add_number(command, "--reaction", "R", "Of the diffusion, < 0: sizes spread over 1 / sqrt(-R)",
-               [&](double x) { sizing.set_reaction(x); });
-    add_number(command, "--size-curvature", "EPS", "Edges may leave the surface by this much",
-               [&](double x) { sizing.set_chord_error(x); });
-    add_number(command, "--size-across", "N", "Edges across the body, in [1, 16]",
-               [&](double x) { sizing.set_elements_across(x); });
+    add_value<double>(command, "--reaction", "R",
+                      "Of the diffusion, < 0: sizes spread over 1 / sqrt(-R)",
+                      [&](double x) { sizing.set_reaction(x); });
+    add_value<double>(command, "--size-curvature", "EPS",
+                      "Edges may leave the surface by this much",
+                      [&](double x) { sizing.set_chord_error(x); });
+    add_value<double>(command, "--size-across", "N", "Edges across the body, in [1, 16]",
+                      [&](double x) { sizing.set_elements_across(x); });
     add_text(command, "--size-layer", "FIRST[,GROWTH]",
              "Edge length on the boundary, and its growth from layer to layer",
              [&](const std::string& text) { read_layer(text, sizing); });

@@ -73,8 +73,7 @@ private:
     SteadyTime last_check_ = last_write_;
 };
 
-QueueHub::QueueHub(JobRegistry& registry, const WatchOptions& options,
-                   WatchHub::IsStillValid is_still_valid)
+QueueHub::QueueHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid)
     : registry_(registry),
       options_(options),
       is_still_valid_(std::move(is_still_valid)),
@@ -223,7 +222,7 @@ void QueueHub::feed(QueueStream& stream) {
     std::optional<v1::QueueEvent> event;
     if (!end) {
         try {
-            check_credential(stream);
+            check_credential(is_still_valid_, stream.who_, options_.heartbeat, stream.last_check_);
             event = next(stream);
         } catch (const std::exception&) {
             end = to_status(std::current_exception());
@@ -233,16 +232,6 @@ void QueueHub::feed(QueueStream& stream) {
         finish(stream, *end);
     } else if (event) {
         write(stream, std::move(*event));
-    }
-}
-
-void QueueHub::check_credential(QueueStream& stream) const {
-    const auto now = std::chrono::steady_clock::now();
-    if (is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
-        stream.last_check_ = now;
-        if (!is_still_valid_(stream.who_)) {
-            throw StatusError(credential_ended_status());
-        }
     }
 }
 

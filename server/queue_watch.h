@@ -33,8 +33,7 @@ public:
     using Admission = std::function<grpc::Status(Principal&)>;
 
     /// \param options  as of WatchHub; queue watches have a bound of their own
-    QueueHub(JobRegistry& registry, const WatchOptions& options,
-             WatchHub::IsStillValid is_still_valid = {});
+    QueueHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid = {});
     QueueHub(const QueueHub&) = delete;
     QueueHub& operator=(const QueueHub&) = delete;
     ~QueueHub();
@@ -58,14 +57,12 @@ private:
     v1::QueueEvent next_at_first(QueueStream& stream);
     /// What the reader should get next, if anything is due.
     std::optional<v1::QueueEvent> next(QueueStream& stream);
-    /// Once a heartbeat. \throws StatusError if who watches wouldn't be let in any more
-    void check_credential(QueueStream& stream) const;
     void finish(QueueStream& stream, const grpc::Status& status);
     void write(QueueStream& stream, v1::QueueEvent event);
 
     JobRegistry& registry_;
     const WatchOptions options_;
-    const WatchHub::IsStillValid is_still_valid_;
+    const IsStillValid is_still_valid_;
     TenantSlots slots_;
 
     std::mutex mutex_;

@@ -22,6 +22,18 @@ bool can_be_skipped(EventKind kind) {
 
 }  // namespace
 
+void check_credential(const IsStillValid& is_still_valid, const Principal& who,
+                      std::chrono::milliseconds interval,
+                      std::chrono::steady_clock::time_point& last_check) {
+    const auto now = std::chrono::steady_clock::now();
+    if (is_still_valid && now - last_check >= interval) {
+        last_check = now;
+        if (!is_still_valid(who)) {
+            throw StatusError(credential_ended_status());
+        }
+    }
+}
+
 /// One call. gRPC's callbacks only set flags under the hub's mutex; all else is the hub's thread's.
 class WatchStream final : public grpc::ServerWriteReactor<v1::JobEvent> {
 public:
@@ -230,7 +242,7 @@ void WatchHub::feed(WatchStream& stream) {
     if (!end && !stream.is_complete_) {
         try {
             message = stream.next(registry_, options_.max_backlog);
-            check_credential(stream);
+            check_credential(is_still_valid_, stream.who_, options_.heartbeat, stream.last_check_);
         } catch (const std::exception&) {
             end = to_status(std::current_exception());
         }
@@ -246,16 +258,6 @@ void WatchHub::feed(WatchStream& stream) {
         finish(stream, *end);
     } else if (message) {
         write(stream, std::move(*message));
-    }
-}
-
-void WatchHub::check_credential(WatchStream& stream) const {
-    const auto now = std::chrono::steady_clock::now();
-    if (is_still_valid_ && now - stream.last_check_ >= options_.heartbeat) {
-        stream.last_check_ = now;
-        if (!is_still_valid_(stream.who_)) {
-            throw StatusError(credential_ended_status());
-        }
     }
 }
 

@@ -34,6 +34,15 @@ struct WatchTarget {
     std::int64_t after = 0;  ///< Only events after this sequence, >= 0.
 };
 
+/// Whether somebody who was let in still would be.
+using IsStillValid = std::function<bool(const Principal&)>;
+
+/// Asks, if `is_still_valid` is given and the last answer is older than `interval`.
+/// \throws StatusError if who watches wouldn't be let in any more
+void check_credential(const IsStillValid& is_still_valid, const Principal& who,
+                      std::chrono::milliseconds interval,
+                      std::chrono::steady_clock::time_point& last_check);
+
 class WatchStream;
 
 /// Feeds all WatchJob streams from one thread.
@@ -46,8 +55,6 @@ class WatchHub {
 public:
     /// Says what may be watched, or why nothing may; may block.
     using Admission = std::function<grpc::Status(WatchTarget&)>;
-    /// Whether somebody who was let in still would be.
-    using IsStillValid = std::function<bool(const Principal&)>;
 
     WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillValid is_still_valid = {});
     WatchHub(const WatchHub&) = delete;
@@ -70,8 +77,6 @@ private:
     void wake(WatchStream* stream);
     void run(std::stop_token stop);
     void feed(WatchStream& stream);
-    /// Once a heartbeat. \throws StatusError if who watches wouldn't be let in any more
-    void check_credential(WatchStream& stream) const;
     void finish(WatchStream& stream, const grpc::Status& status);
     void write(WatchStream& stream, v1::JobEvent message);
 

@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "core/mesh/index.h"
+#include "core/mesh/tet_corners.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -18,8 +19,6 @@ namespace {
 constexpr double kTooLong = 1.35;  // Over h: edges that get a particle,
 constexpr double kTooShort = 0.7;  // and that lose one.
 constexpr double kWall = 0.45;     // New particles keep this far over h from the boundary.
-constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
-    {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
 
 struct Edge {
     double ratio;  // Length over the mean h of its ends.

@@ -262,8 +262,6 @@ bool remove_face_by(LiveMesh& mesh, Index t, std::size_t corner) {
 
 template <typename Measure>
 bool flip_tet_by(LiveMesh& mesh, Index t) {
-    constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
-        {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
     const Tet tet = mesh.tet(t);
     for (const auto& edge : kEdges) {
         if (remove_edge_by<Measure>(mesh, tet[edge[0]], tet[edge[1]])) {

@@ -17,9 +17,6 @@ namespace {
 constexpr double kPower = 9.0;  // Steep, so that the worst tets of a star rule its energy.
 constexpr std::size_t kBlock = 64;
 
-constexpr std::array<std::array<std::size_t, 2>, 6> kEdges{
-    {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}}};
-
 // Operations on one bad tet.
 class Visit {
 public:

@@ -10,6 +10,7 @@
 #include "core/geometry/domain_volume.h"
 #include "core/geometry/sample_source.h"
 #include "core/mesh/index.h"
+#include "core/mesh/tet_corners.h"
 #include "core/parallel.h"
 #include "core/stages/seed.h"
 #include "core/stages/sizing/diffusion.h"
@@ -76,16 +77,14 @@ std::vector<double> plateaus(const MapToSpread& map, const Points& points,
     std::vector<double> slope(points.size(), 0.0);
     std::vector<double> edges(points.size(), 0.0);
     for (const Tet& tet : tets) {
-        for (std::size_t p = 0; p < 4; ++p) {
-            for (std::size_t q = 0; q < p; ++q) {
-                const std::size_t i = at(tet[p]);
-                const std::size_t j = at(tet[q]);
-                const double distance = (points[i] - points[j]).norm();
-                for (const std::size_t end : {i, j}) {
-                    length[end] += distance;
-                    edges[end] += 1.0;
-                    slope[end] = std::max(slope[end], std::abs(h[i] - h[j]) / distance);
-                }
+        for (const auto& [p, q] : kEdges) {
+            const std::size_t i = at(tet[p]);
+            const std::size_t j = at(tet[q]);
+            const double distance = (points[i] - points[j]).norm();
+            for (const std::size_t end : {i, j}) {
+                length[end] += distance;
+                edges[end] += 1.0;
+                slope[end] = std::max(slope[end], std::abs(h[i] - h[j]) / distance);
             }
         }
     }

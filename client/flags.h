@@ -7,6 +7,16 @@
 
 namespace remesh::client {
 
+/// An option with a value; `set` is called only if it is given.
+template <typename Value, typename Setter>
+CLI::Option* add_value(CLI::App& command, const std::string& name, const std::string& type,
+                       const std::string& help, Setter set) {
+    return command
+        .add_option_function<Value>(
+            name, [set](const Value& value) { set(value); }, help)
+        ->type_name(type);
+}
+
 /// An option with a fixed set of words.
 template <typename Enum, typename Setter>
 void add_choice(CLI::App& command, const std::string& name,
