@@ -145,6 +145,9 @@ Metrics::Metrics(JobRegistry& registry, JobStore& store, const MetricsOptions& o
         families_->ended.Add({{"state", "failed"}, {"reason", reason}});
     }
     families_->ended.Add({{"state", "quarantined"}, {"reason", "WORKER_LOST"}});
+    for (const int http_status : {200, 500}) {
+        families_->responses.Add({{"code", std::to_string(http_status)}});
+    }
     thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
