@@ -25,7 +25,7 @@ namespace {
 
 /// A surface-only run fills this many h below the surface; the body beneath is spanned by long
 /// tets.
-constexpr double kShellDepth = 1.5;
+constexpr double kShellDepth = 1.2;
 constexpr std::size_t kWorstElements = 10;
 constexpr double kTetsPerVolume = 9.0;  // Of the A15 lattice, per h^3.
 constexpr double kHopeless = 1.5;       // Times max_tets: not even tried.
@@ -275,7 +275,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     }
 
     clock.enter(Stage::Improve);
-    auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run);
+    auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run,
+                                 options.tetrahedra ? Aim::Body : Aim::Surface);
     carved = {};
     particles = {};
     tets = static_cast<double>(improved.mesh.tets.size());

@@ -115,14 +115,16 @@ QualityCounts count_quality(std::size_t n, TetAt tet_at, PointAt point) {
 class Round {
 public:
     Round(const improve::Whole& carved, const std::vector<std::uint8_t>& frozen,
-          const improve::Shape& shape, const ImproveOptions& options, RunContext& run)
+          const improve::Shape& shape, const ImproveOptions& options, Aim aim, RunContext& run)
         : carved_(carved),
           shape_(shape),
           options_(options),
           plan_(plan_for(options)),
           run_(run),
-          part_(improve::cut_part(carved,
-                                  improve::near_boundary(carved, frozen, options.flip_below, run))),
+          part_(improve::cut_part(
+              carved, aim == Aim::Surface
+                          ? improve::at_boundary(carved, frozen)
+                          : improve::near_boundary(carved, frozen, options.flip_below, run))),
           untouched_(count_quality(
               carved.mesh.tets.size(),
               [&](std::size_t t) { return part_.is_inside[t] ? nullptr : &carved.mesh.tets[t]; },
@@ -215,11 +217,16 @@ std::vector<std::uint8_t> with_ring(const std::vector<std::uint8_t>& marked,
 // What had been frozen is improved at last, one operation at a time, where it crosses nothing.
 // Returns what was done.
 improve::WorstFirstResult thaw(improve::Assembled& all, std::vector<std::uint8_t> frozen,
-                               const improve::Shape& shape, const Plan& plan, RunContext& run) {
+                               const improve::Shape& shape, const Plan& plan, Aim aim,
+                               RunContext& run) {
     constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
     frozen.resize(all.mesh.vertices.size(), 0);
     const improve::Whole whole{all.mesh, all.kind, all.anchor};
-    auto part = improve::cut_part(whole, improve::around(whole, with_ring(frozen, all.mesh.tets)));
+    auto cut = improve::around(whole, with_ring(frozen, all.mesh.tets));
+    if (aim == Aim::Surface) {
+        cut.tet_scale = improve::kSurfaceOnlyTetScale;
+    }
+    auto part = improve::cut_part(whole, std::move(cut));
     improve::WorstFirstResult done;
     if (part.mesh.slot_count() > kMostTets) {
         return done;
@@ -317,7 +324,7 @@ void validate(const ImproveOptions& options) {
 
 ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
                            const Domain& domain, const FeatureSet& features,
-                           const ImproveOptions& options, RunContext& run) {
+                           const ImproveOptions& options, RunContext& run, Aim aim) {
     validate(options);
     if (carved.kind.size() != carved.mesh.vertices.size() ||
         anchor.size() < carved.mesh.vertices.size()) {
@@ -338,14 +345,14 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
                 frozen[v] = frozen[v] || carved.kind[v] != ParticleKind::Volume;
             }
         }
-        Round round(whole, frozen, shape, options, run);
+        Round round(whole, frozen, shape, options, aim, run);
         round.run();
         auto all = improve::put_back(whole, round.part());
         const Faults faults = check_tets(all.mesh, run);
         if (!faults.any()) {
             auto done = round.done();
             if (attempt > 1) {
-                done.add(thaw(all, frozen, shape, plan_for(options), run));
+                done.add(thaw(all, frozen, shape, plan_for(options), aim, run));
             }
             auto result = compacted(std::move(all));
             result.flips = round.flips() + done.flips;

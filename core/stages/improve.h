@@ -18,6 +18,12 @@ enum class ImproveMode {
     MaxMinAngle,     ///< Worst element first, at some cost in the mean.
 };
 
+/// What the mesh is for.
+enum class Aim : std::uint8_t {
+    Body,     ///< Tets, and the surface around them.
+    Surface,  ///< The surface alone: its tets need only be valid.
+};
+
 struct ImproveOptions {
     ImproveMode mode = ImproveMode::Balanced;
     int passes = 8;               ///< Of flips and smoothing, >= 0.
@@ -54,7 +60,7 @@ struct ImproveResult {
 /// Error{Cancelled}
 ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
                            const Domain& domain, const FeatureSet& features,
-                           const ImproveOptions& options, RunContext& run);
+                           const ImproveOptions& options, RunContext& run, Aim aim = Aim::Body);
 
 void validate(const ImproveOptions& options);
 

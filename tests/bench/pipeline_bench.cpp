@@ -166,11 +166,31 @@ void pipeline_ball(benchmark::State& state) {
               static_cast<int>(state.range(1)));
 }
 
-void pipeline_ventricle(benchmark::State& state) {
+SurfaceMesh ventricle() {
     std::ifstream file(REMESH_TEST_DATA_DIR "/left_lateral_ventricle.stl", std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    run_whole(state, read_surface(bytes, ".stl").mesh, 1e-3 * static_cast<double>(state.range(0)),
+    return read_surface(bytes, ".stl").mesh;
+}
+
+void pipeline_ventricle(benchmark::State& state) {
+    run_whole(state, ventricle(), 1e-3 * static_cast<double>(state.range(0)),
               static_cast<int>(state.range(1)));
+}
+
+void surface_of_ventricle(benchmark::State& state) {
+    const SurfaceMesh input = ventricle();
+    const double h = 1e-3 * static_cast<double>(state.range(0));
+    const double start = cpu_seconds();
+    double triangles = 0.0;
+    tbb::task_arena(1).execute([&] {
+        for (auto _ : state) {
+            RunContext run;
+            const auto result = run_pipeline(input, {.edge_length = h, .tetrahedra = false}, run);
+            triangles += static_cast<double>(result.surface.triangles.size());
+        }
+    });
+    state.counters["triangles"] = triangles / static_cast<double>(state.iterations());
+    state.counters["us_per_triangle"] = (cpu_seconds() - start) / triangles * 1e6;
 }
 
 void sizes(benchmark::internal::Benchmark* bench) {
@@ -193,6 +213,14 @@ BENCHMARK(pipeline_ball)->Apply(sizes);
 BENCHMARK(pipeline_ventricle)
     ->ArgNames({"micrometres", "threads"})
     ->ArgsProduct({{1200, 500}, {1, 2}})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->Iterations(1);
+BENCHMARK(surface_of_ventricle)
+    ->ArgName("micrometres")
+    ->Arg(1000)
+    ->Arg(500)
+    ->Arg(250)
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime()
     ->Iterations(1);

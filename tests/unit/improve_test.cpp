@@ -6,11 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <stop_token>
 
 #include "core/error.h"
 #include "core/stages/improve/flips.h"
+#include "core/stages/report.h"
 #include "core/stages/tetrahedralize.h"
 #include "core/stages/verify.h"
 #include "tests/support/analytic_domain.h"
@@ -162,10 +164,18 @@ double volume(const TetMesh& mesh) {
     return sum;
 }
 
-ImproveResult improve_sphere(const ImproveOptions& options = {}) {
+ImproveResult improve_sphere(const ImproveOptions& options = {}, Aim aim = Aim::Body) {
     const auto carved = carved_sphere();
     RunContext run;
-    return improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {}, options, run);
+    return improve_mesh(carved.result, carved.anchor, testing::SphereDomain(1.0), {}, options, run,
+                        aim);
+}
+
+Points core_of(const TetMesh& sphere) {
+    Points core;
+    std::copy_if(sphere.vertices.begin(), sphere.vertices.end(), std::back_inserter(core),
+                 [](const Vec3& p) { return p.norm() < 0.5; });
+    return core;
 }
 
 TEST(ImproveMesh, RaisesTheWorstDihedralOfASphereAboveTwentyDegrees) {
@@ -200,6 +210,26 @@ TEST(ImproveMesh, KeepsSurfaceVerticesOnTheSphere) {
             ASSERT_NEAR(improved.mesh.vertices[v].norm(), 1.0, 1e-12) << "vertex " << v;
         }
     }
+}
+
+TEST(ImproveMesh, LeavesTheCoreAloneWhereOnlyTheSurfaceIsWanted) {
+    const Points before = core_of(carved_sphere().result.mesh);
+    ASSERT_GT(before.size(), 50U);
+
+    EXPECT_EQ(core_of(improve_sphere({}, Aim::Surface).mesh), before);
+    EXPECT_NE(core_of(improve_sphere({}, Aim::Body).mesh), before);
+}
+
+TEST(ImproveMesh, MakesTheSurfaceAloneAsGoodAsThatOfABody) {
+    const RunContext run;
+    const auto alone = improve_sphere({}, Aim::Surface);
+
+    const auto body = measure_surface(boundary_surface(improve_sphere().mesh));
+    const auto surface = measure_surface(boundary_surface(alone.mesh));
+
+    EXPECT_FALSE(check_tets(alone.mesh, run).any());
+    EXPECT_GT(surface.radius_ratio.mean, body.radius_ratio.mean - 0.005);
+    EXPECT_GT(surface.min_angle.min, 30.0);
 }
 
 TEST(ImproveMesh, LeavesOutUnusedVertices) {

@@ -21,7 +21,7 @@ double tet_score(const LiveMesh& mesh, const Tet& t) {
 
 double score(const LiveMesh& mesh, Index t, double limit) {
     const auto& tet = mesh.tet(t);
-    double worst = tet_score(mesh, tet);
+    double worst = mesh.tet_scale() * tet_score(mesh, tet);
     for (std::size_t corner = 0; corner < 4; ++corner) {
         const Index a = tet[kFaces[corner][0]];
         const Index b = tet[kFaces[corner][1]];

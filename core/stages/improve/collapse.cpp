@@ -117,7 +117,7 @@ bool touches(const LinkEdge& edge, Index w) {
 
 // Whether the fan may be spanned from w instead of v; lowers `worst_new` by its angles.
 bool keeps_shape(const LiveMesh& mesh, Index v, Index w, const std::vector<LinkEdge>& fan,
-                 double triangle_scale, double& worst_old, double& worst_new) {
+                 double& worst_old, double& worst_new) {
     const Vec3& from = mesh.point(v);
     const Vec3& to = mesh.point(w);
     Vec3 mean = Vec3::Zero();
@@ -141,8 +141,8 @@ bool keeps_shape(const LiveMesh& mesh, Index v, Index w, const std::vector<LinkE
         }
         new_sine = std::min(new_sine, angle_sine(to, p, q));
     }
-    worst_old = std::min(worst_old, triangle_scale * old_sine);
-    worst_new = std::min(worst_new, triangle_scale * new_sine);
+    worst_old = std::min(worst_old, kTriangleScale * old_sine);
+    worst_new = std::min(worst_new, kTriangleScale * new_sine);
     return new_sine >= std::min(old_sine, kPoorAngleSine);
 }
 
@@ -239,7 +239,7 @@ bool follows_domain(const LiveMesh& mesh, const Shape& shape, Index v, Index w,
 
 }  // namespace
 
-bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale) {
+bool collapse_edge(LiveMesh& mesh, Index v, Index w) {
     std::vector<LinkEdge> fan;
     if (mesh.on_boundary(v)) {
         mesh.boundary_fan(v, fan);
@@ -248,8 +248,7 @@ bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale) {
         return false;
     }
     auto plan = plan_contraction(mesh, v, w);
-    if (plan.made.empty() ||
-        !keeps_shape(mesh, v, w, fan, triangle_scale, plan.worst_old, plan.worst_new) ||
+    if (plan.made.empty() || !keeps_shape(mesh, v, w, fan, plan.worst_old, plan.worst_new) ||
         plan.worst_new <= std::max(plan.worst_old, 0.0) * kGain + 1e-6 ||
         !keeps_topology(mesh, v, w, fan)) {
         return false;

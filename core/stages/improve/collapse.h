@@ -11,7 +11,7 @@ namespace remesh::improve {
 /// A surface vertex goes only along an edge of the boundary, where the full link condition holds,
 /// the normals stay within 37 degrees and no triangle gets a poor angle. Curve vertices and corners
 /// stay.
-bool collapse_edge(LiveMesh& mesh, Index v, Index w, double triangle_scale);
+bool collapse_edge(LiveMesh& mesh, Index v, Index w);
 
 /// Contracts (v, w) onto w whatever becomes of the angles, as a first step of something larger, if
 /// topology, orientation and shape allow it: the new triangles have to follow the domain's

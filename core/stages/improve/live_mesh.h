@@ -44,6 +44,10 @@ public:
     [[nodiscard]] bool on_boundary(Index v) const { return kinds_[at(v)] != ParticleKind::Volume; }
     /// May neither move nor go: it has tets outside of this part, or was frozen.
     [[nodiscard]] bool is_locked(Index v) const { return locked_[at(v)]; }
+    /// Dihedral sines count this many times as much as they are, beside the angles of boundary
+    /// triangles: above 1 where tets are but a means, and need only be far from flat.
+    [[nodiscard]] double tet_scale() const { return tet_scale_; }
+    void set_tet_scale(double scale) { tet_scale_ = scale; }
     /// Alive tets at a vertex. Adding and removing tets invalidates it.
     [[nodiscard]] std::span<const Index> around(Index v) const {
         const auto& block = blocks_[at(v)];
@@ -125,6 +129,7 @@ private:
     std::vector<Block> blocks_;
     std::vector<Index> pool_;
     std::vector<Record> journal_;
+    double tet_scale_ = 1.0;
     bool recording_ = false;
     std::size_t first_vertex_ = 0;  // Added since `begin`.
     std::size_t first_slot_ = 0;

@@ -13,8 +13,8 @@ namespace {
 constexpr std::uint8_t kDepth = 3;
 constexpr std::uint8_t kFar = 255;
 
-// Steps along tets from the boundary, or from bad tets, which count as `kDepth - 1` deep.
-std::vector<std::uint8_t> depths(const Whole& whole, double limit, const RunContext& run) {
+// Steps along tets from the boundary, as far as `most`.
+std::vector<std::uint8_t> depths(const Whole& whole, std::uint8_t most) {
     const auto& tets = whole.mesh.tets;
     std::vector<std::uint8_t> depth(whole.mesh.vertices.size(), kFar);
     for (std::size_t v = 0; v < depth.size(); ++v) {
@@ -22,7 +22,7 @@ std::vector<std::uint8_t> depths(const Whole& whole, double limit, const RunCont
             depth[v] = 0;
         }
     }
-    for (std::uint8_t level = 0; level + 1 < kDepth; ++level) {
+    for (std::uint8_t level = 0; level < most; ++level) {
         for (const auto& tet : tets) {
             const bool is_next =
                 std::any_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] == level; });
@@ -33,6 +33,13 @@ std::vector<std::uint8_t> depths(const Whole& whole, double limit, const RunCont
             }
         }
     }
+    return depth;
+}
+
+// The same, or from bad tets, which count as `kDepth - 1` deep.
+std::vector<std::uint8_t> depths_of_poor(const Whole& whole, double limit, const RunContext& run) {
+    const auto& tets = whole.mesh.tets;
+    auto depth = depths(whole, kDepth - 1);
     const auto& points = whole.mesh.vertices;
     std::vector<std::uint8_t> is_bad(tets.size(), 0);
     for_each_index(tets.size(), run, [&](std::size_t t) {
@@ -105,20 +112,32 @@ void append_sorted(std::vector<Tet> tets, LiveMesh& mesh) {
     }
 }
 
-}  // namespace
-
-Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen, double limit,
-                  const RunContext& run) {
-    const auto depth = depths(whole, limit, run);
+// All tets at vertices less than `end` deep, which alone move.
+Cut cut_at(const Whole& whole, const std::vector<std::uint8_t>& depth, std::uint8_t end,
+           const std::vector<std::uint8_t>& frozen) {
     Cut cut{std::vector<std::uint8_t>(whole.mesh.tets.size(), 0), frozen};
     for (std::size_t t = 0; t < cut.is_inside.size(); ++t) {
         const auto& tet = whole.mesh.tets[t];
         cut.is_inside[t] =
-            std::any_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] < kDepth; });
+            std::any_of(tet.begin(), tet.end(), [&](Index v) { return depth[at(v)] < end; });
     }
     for (std::size_t v = 0; v < depth.size(); ++v) {
-        cut.is_locked[v] = frozen[v] || depth[v] >= kDepth;
+        cut.is_locked[v] = frozen[v] || depth[v] >= end;
     }
+    return cut;
+}
+
+}  // namespace
+
+Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen, double limit,
+                  const RunContext& run) {
+    return cut_at(whole, depths_of_poor(whole, limit, run), kDepth, frozen);
+}
+
+Cut at_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen) {
+    constexpr std::uint8_t kShallow = 2;
+    Cut cut = cut_at(whole, depths(whole, kShallow - 1), kShallow, frozen);
+    cut.tet_scale = kSurfaceOnlyTetScale;
     return cut;
 }
 
@@ -150,6 +169,7 @@ Part cut_part(const Whole& whole, Cut cut) {
 
     part.origin = along_curve(whole.mesh.vertices, used);
     std::vector<Index> local(whole.mesh.vertices.size(), kNone);
+    part.mesh.set_tet_scale(cut.tet_scale);
     part.mesh.reserve(part.origin.size(), count);
     for (const Index v : part.origin) {
         local[at(v)] = part.mesh.add_vertex(whole.mesh.vertices[at(v)], whole.kind[at(v)],

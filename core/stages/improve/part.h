@@ -15,11 +15,16 @@ struct Whole {
     const std::vector<Index>& anchor;       ///< At least #V.
 };
 
+/// Of LiveMesh, where the surface alone is wanted: a dihedral of a third of a degree is good
+/// enough.
+inline constexpr double kSurfaceOnlyTetScale = 100.0;
+
 /// Which tets to cut out.
 struct Cut {
     std::vector<std::uint8_t> is_inside{};  ///< Per tet.
     std::vector<std::uint8_t> is_locked{};  ///< Per vertex: must neither move nor go. All vertices
                                             ///< that have tets outside are.
+    double tet_scale = 1.0;                 ///< See LiveMesh.
 };
 
 /// The tets near the boundary and the bad ones elsewhere: all others are fine and stay as they are.
@@ -27,6 +32,9 @@ struct Cut {
 /// \param limit   tets with a radius ratio below this are bad
 [[nodiscard]] Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen,
                                 double limit, const RunContext& run);
+
+/// The tets at the boundary and one step further in, for the sake of the boundary's triangles.
+[[nodiscard]] Cut at_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen);
 
 /// All tets at some vertices, of which no others move.
 [[nodiscard]] Cut around(const Whole& whole, const std::vector<std::uint8_t>& wanted);

@@ -56,14 +56,13 @@ Vec3 shortest_in_hull(const std::vector<Vec3>& gradients) {
 
 class Raiser {
 public:
-    Raiser(const LiveMesh& mesh, const Shape& shape, Index v, double triangle_scale, Star& star)
+    Raiser(const LiveMesh& mesh, const Shape& shape, Index v, Star& star)
         : mesh_(mesh),
           shape_(shape),
           v_(v),
           kind_(mesh.kind(v)),
-          triangle_scale_(triangle_scale),
           star_(star),
-          now_{{mesh.point(v), mesh.anchor(v)}, star.worst(mesh.point(v), triangle_scale)} {}
+          now_{{mesh.point(v), mesh.anchor(v)}, star.worst(mesh.point(v))} {}
 
     void newton() {
         constexpr int kSteps = 4;
@@ -107,7 +106,7 @@ private:
         }
         for (int attempt = 0; attempt < attempts; ++attempt, step *= 0.4) {
             const Place place = place_on(shape_, kind_, now_.place.anchor, x + step);
-            const double worst = star_.worst(place.point, triangle_scale_);
+            const double worst = star_.worst(place.point);
             if (worst > now_.worst + kLeastGain && star_.flatness(place.point) > kFlatLimit &&
                 !star_.folds(x, place.point)) {
                 now_ = {place, worst};
@@ -123,12 +122,12 @@ private:
         const Vec3 x = now_.place.point;
         const Frame frame = frame_of(kind_, bound_axis(mesh_, shape_, v_, star_));
         const double reach = 1e-4 * star_.edge_length(x);
-        star_.sines(x, triangle_scale_, values_);
+        star_.sines(x, values_);
         gradients_.assign(values_.size(), Vec3::Zero());
         for (int k = 0; k < frame.dimension; ++k) {
             const Vec3& axis = frame.axes[static_cast<std::size_t>(k)];
-            star_.sines(x + reach * axis, triangle_scale_, ahead_);
-            star_.sines(x - reach * axis, triangle_scale_, behind_);
+            star_.sines(x + reach * axis, ahead_);
+            star_.sines(x - reach * axis, behind_);
             for (std::size_t i = 0; i < values_.size(); ++i) {
                 gradients_[i] += (ahead_[i] - behind_[i]) * axis;
             }
@@ -154,7 +153,6 @@ private:
     const Shape& shape_;
     Index v_;
     ParticleKind kind_;
-    double triangle_scale_;
     Star& star_;
     Candidate now_;
     std::vector<double> values_{};
@@ -165,8 +163,7 @@ private:
 
 }  // namespace
 
-bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, double triangle_scale, Effort effort,
-                 Star& star) {
+bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, Effort effort, Star& star) {
     if (mesh.is_locked(v) || mesh.kind(v) == ParticleKind::Corner) {
         return false;
     }
@@ -174,7 +171,7 @@ bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, double triangle_sc
     if (star.empty()) {
         return false;
     }
-    Raiser raiser(mesh, shape, v, triangle_scale, star);
+    Raiser raiser(mesh, shape, v, star);
     const double before = raiser.now().worst;
     raiser.newton();
     if (effort == Effort::Full) {

@@ -19,7 +19,6 @@ enum class Effort : std::uint8_t {
 ///
 /// Source: Freitag, Ollivier-Gooch, Tetrahedral mesh improvement using swapping and smoothing,
 /// 1997.
-bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, double triangle_scale, Effort effort,
-                 Star& star);
+bool raise_worst(LiveMesh& mesh, const Shape& shape, Index v, Effort effort, Star& star);
 
 }  // namespace remesh::improve

@@ -109,8 +109,7 @@ double smooth_vertex(LiveMesh& mesh, const Shape& shape, Index v, double floor, 
         if (star.folds(x, place.point)) {
             continue;
         }
-        if (floor > 0.0 && star.worst(place.point, kTriangleScale) <
-                               std::min(floor, star.worst(x, kTriangleScale))) {
+        if (floor > 0.0 && star.worst(place.point) < std::min(floor, star.worst(x))) {
             continue;
         }
         mesh.move(v, place.point, place.anchor);

@@ -35,6 +35,7 @@ double cubed_length(double squares) {
 void Star::gather(const LiveMesh& mesh, Index v) {
     tets_.clear();
     triangles_.clear();
+    tet_scale_ = mesh.tet_scale();
     for (const Index t : mesh.around(v)) {
         const auto& tet = mesh.tet(t);
         const std::size_t corner = tet[0] == v ? 0 : tet[1] == v ? 1 : tet[2] == v ? 2 : 3;
@@ -182,24 +183,24 @@ double Star::edge_length(const Vec3& x) const {
     return tets_.empty() ? 0.0 : sum / (3.0 * static_cast<double>(tets_.size()));
 }
 
-double Star::worst(const Vec3& x, double triangle_scale) const {
+double Star::worst(const Vec3& x) const {
     double least = 1.0;
     for (const auto& tet : tets_) {
-        least = std::min(least, dihedral_sine(x, tet.a, tet.b, tet.c));
+        least = std::min(least, tet_scale_ * dihedral_sine(x, tet.a, tet.b, tet.c));
     }
     for (const auto& triangle : triangles_) {
-        least = std::min(least, triangle_scale * angle_sine(x, triangle.from, triangle.to));
+        least = std::min(least, kTriangleScale * angle_sine(x, triangle.from, triangle.to));
     }
     return least;
 }
 
-void Star::sines(const Vec3& x, double triangle_scale, std::vector<double>& values) const {
+void Star::sines(const Vec3& x, std::vector<double>& values) const {
     values.clear();
     for (const auto& tet : tets_) {
-        values.push_back(dihedral_sine(x, tet.a, tet.b, tet.c));
+        values.push_back(tet_scale_ * dihedral_sine(x, tet.a, tet.b, tet.c));
     }
     for (const auto& triangle : triangles_) {
-        values.push_back(triangle_scale * angle_sine(x, triangle.from, triangle.to));
+        values.push_back(kTriangleScale * angle_sine(x, triangle.from, triangle.to));
     }
 }
 

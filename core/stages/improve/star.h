@@ -43,11 +43,12 @@ public:
     [[nodiscard]] double edge_length(const Vec3& x) const;
     [[nodiscard]] bool empty() const { return tets_.empty(); }
 
-    /// Worst dihedral sine of the tets, and angle sine of the triangles times `triangle_scale`.
-    [[nodiscard]] double worst(const Vec3& x, double triangle_scale) const;
+    /// Worst dihedral sine of the tets, times LiveMesh::tet_scale, and angle sine of the triangles,
+    /// times kTriangleScale.
+    [[nodiscard]] double worst(const Vec3& x) const;
 
     /// The same of each of them, tets first. `values` is replaced.
-    void sines(const Vec3& x, double triangle_scale, std::vector<double>& values) const;
+    void sines(const Vec3& x, std::vector<double>& values) const;
 
     static constexpr double kFlat = 1e-6;
 
@@ -65,6 +66,7 @@ private:
 
     double power_;
     double surface_weight_;
+    double tet_scale_ = 1.0;
     std::vector<Opposite> tets_;
     std::vector<Edge> triangles_;
     std::vector<LinkEdge> fan_;

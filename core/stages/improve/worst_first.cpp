@@ -71,7 +71,7 @@ private:
         const auto effort = score(mesh_, t, goal_) < limit_ ? Effort::Full : Effort::Newton;
         bool has_moved = false;
         for (const Index v : tet) {
-            if (raise_worst(mesh_, shape_, v, kTriangleScale, effort, star_)) {
+            if (raise_worst(mesh_, shape_, v, effort, star_)) {
                 has_moved = true;
                 ++result_.moves;
             }
@@ -82,8 +82,8 @@ private:
     bool collapse(Index t) {
         const Tet tet = mesh_.tet(t);
         return std::any_of(kEdges.begin(), kEdges.end(), [&](const auto& edge) {
-            return collapse_edge(mesh_, tet[edge[0]], tet[edge[1]], kTriangleScale) ||
-                   collapse_edge(mesh_, tet[edge[1]], tet[edge[0]], kTriangleScale);
+            return collapse_edge(mesh_, tet[edge[0]], tet[edge[1]]) ||
+                   collapse_edge(mesh_, tet[edge[1]], tet[edge[0]]);
         });
     }
 
@@ -161,9 +161,7 @@ private:
                 }
                 const Tet tet = mesh_.tet(t);
                 for (const Index v : tet) {
-                    has_changed =
-                        raise_worst(mesh_, shape_, v, kTriangleScale, Effort::Full, star_) ||
-                        has_changed;
+                    has_changed = raise_worst(mesh_, shape_, v, Effort::Full, star_) || has_changed;
                 }
             }
             if (!has_changed) {
