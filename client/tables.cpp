@@ -183,8 +183,9 @@ std::string job_card(const v1::Job& job) {
 std::string estimate_card(const std::string& title, const v1::Estimate& estimate) {
     const double seconds = static_cast<double>(estimate.cpu_time().seconds()) +
                            1e-9 * static_cast<double>(estimate.cpu_time().nanos());
-    return fmt::format("{}: about {} tets, {} of one processor, {} of memory\n", title,
-                       with_thousands(estimate.tets()), duration_word(seconds),
+    const std::string tets = estimate.tets() > 0 ? with_thousands(estimate.tets()) + " tets, " : "";
+    return fmt::format("{}: about {}{} triangles, {} of one processor, {} of memory\n", title, tets,
+                       with_thousands(estimate.triangles()), duration_word(seconds),
                        bytes_word(estimate.memory_bytes()));
 }
 

@@ -15,15 +15,18 @@ constexpr double kTrianglesPerSquare = 2.31;
 
 constexpr double kSecondsPerTet = 1.0e-5;
 constexpr double kSecondsPerSurfaceTriangle = 1.0e-4;
+constexpr double kSecondsPerShellTriangle = 1.2e-4;  // Where the surface alone is wanted.
 constexpr double kSecondsPerInputTriangle = 3.0e-5;
 
 constexpr double kBaseBytes = 32.0 * (1 << 20);
 constexpr double kBytesPerTet = 170.0;
 constexpr double kBytesPerSurfaceTriangle = 300.0;
+constexpr double kBytesPerShellTriangle = 700.0;
+constexpr double kBytesPerCoupledTet = 250.0;  // More, of sizes that diffuse on the particles.
 constexpr double kBytesPerInputTriangle = 600.0;
 constexpr double kBytesPerVoxel = 12.0;  // Of a size image, while it's read.
 // Nobody has the memory for more, and it still fits a 64-bit number of bytes.
-constexpr double kMostTets = 1.0e15;
+constexpr double kMostElements = 1.0e15;
 
 struct Extent {
     double area = 0.0;
@@ -66,16 +69,28 @@ RunEstimate estimate_run(const SurfaceMesh& input, const RemeshOptions& options)
         options.sizing.image ? static_cast<double>(options.sizing.image->sizes.size()) : 0.0;
     const double input_triangles = static_cast<double>(input.triangles.size());
     const double density = density_of(input, options, h);
-    const double surface = kTrianglesPerSquare * extent.area * std::pow(density, 2.0 / 3.0);
-    const double tets = std::min(kMostTets, kTetsPerCube * extent.volume * density + 2.0 * surface);
+    const double triangles =
+        std::min(kMostElements, kTrianglesPerSquare * extent.area * std::pow(density, 2.0 / 3.0));
+    const double tets =
+        std::min(kMostElements, kTetsPerCube * extent.volume * density + 2.0 * triangles);
 
     RunEstimate estimate;
-    estimate.tets = static_cast<std::int64_t>(tets);
-    estimate.cpu_seconds = kSecondsPerTet * tets + kSecondsPerSurfaceTriangle * surface +
-                           kSecondsPerInputTriangle * input_triangles;
-    estimate.memory_bytes = static_cast<std::int64_t>(
-        kBaseBytes + kBytesPerTet * tets + kBytesPerSurfaceTriangle * std::min(kMostTets, surface) +
-        kBytesPerInputTriangle * input_triangles + kBytesPerVoxel * voxels);
+    estimate.triangles = static_cast<std::int64_t>(triangles);
+    double seconds = kSecondsPerInputTriangle * input_triangles;
+    double bytes = kBaseBytes + kBytesPerInputTriangle * input_triangles + kBytesPerVoxel * voxels;
+    if (options.tetrahedra) {
+        estimate.tets = static_cast<std::int64_t>(tets);
+        seconds += kSecondsPerTet * tets + kSecondsPerSurfaceTriangle * triangles;
+        bytes += kBytesPerTet * tets + kBytesPerSurfaceTriangle * triangles;
+        if (options.sizing.propagation == Propagation::Coupled) {
+            bytes += kBytesPerCoupledTet * tets;
+        }
+    } else {
+        seconds += kSecondsPerShellTriangle * triangles;
+        bytes += kBytesPerShellTriangle * triangles;
+    }
+    estimate.cpu_seconds = seconds;
+    estimate.memory_bytes = static_cast<std::int64_t>(bytes);
     return estimate;
 }
 

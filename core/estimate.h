@@ -10,7 +10,8 @@ namespace remesh {
 /// What a run is likely to need. Fitted to measured runs; right within a factor of two on closed
 /// bodies without thin parts, and no more than a guess on surfaces with large holes.
 struct RunEstimate {
-    std::int64_t tets = 0;
+    std::int64_t triangles = 0;  ///< Of the surface.
+    std::int64_t tets = 0;       ///< 0 for the surface alone.
     double cpu_seconds = 0.0;
     std::int64_t memory_bytes = 0;  ///< Peak of the process.
 };

@@ -40,6 +40,7 @@ v1::Job to_proto(const JobView& view) {
         *to.mutable_estimated_start_time() = to_proto(*view.estimated_start);
     }
     if (view.estimate) {
+        to.mutable_estimate()->set_triangles(view.estimate->triangles);
         to.mutable_estimate()->set_tets(view.estimate->tets);
         to.mutable_estimate()->set_memory_bytes(view.estimate->memory_bytes);
         *to.mutable_estimate()->mutable_cpu_time() = duration_of(view.estimate->cpu_seconds);

@@ -85,14 +85,18 @@ RemeshOptions read_options(const JobRequest& request, const JobFiles& inputs) {
     return options;
 }
 
+std::string elements_of(const RunEstimate& estimate) {
+    return estimate.tets > 0 ? std::to_string(estimate.tets) + " tets"
+                             : std::to_string(estimate.triangles) + " triangles";
+}
+
 void require_memory(const RunEstimate& estimate, std::optional<std::int64_t> max_bytes) {
     if (max_bytes && estimate.memory_bytes > *max_bytes) {
-        throw Error(ErrorCode::TooLarge, "the job needs about " +
-                                             std::to_string(estimate.memory_bytes >> 20U) +
-                                             " MiB for about " + std::to_string(estimate.tets) +
-                                             " tets, more than the server's limit of " +
-                                             std::to_string(*max_bytes >> 20U) +
-                                             " MiB; a larger edge_length needs less");
+        throw Error(ErrorCode::TooLarge,
+                    "the job needs about " + std::to_string(estimate.memory_bytes >> 20U) +
+                        " MiB for about " + elements_of(estimate) +
+                        ", more than the server's limit of " + std::to_string(*max_bytes >> 20U) +
+                        " MiB; a larger edge_length needs less");
     }
 }
 

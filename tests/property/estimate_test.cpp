@@ -28,6 +28,30 @@ TEST(EstimateRun, IsWithinAFactorOfTwoForABodyWithEdges) {
     expect_within_factor_two(testing::l_shape(), 0.2);
 }
 
+TEST(EstimateRun, OfASurfaceAloneIsWithinAFactorOfTwoAndKnowsNoTets) {
+    const SurfaceMesh input = testing::icosphere(3);
+    RunContext run;
+    const RemeshOptions options{.edge_length = 0.15, .tetrahedra = false};
+    const auto triangles =
+        static_cast<double>(run_pipeline(input, options, run).surface.triangles.size());
+
+    const RunEstimate estimate = estimate_run(input, options);
+
+    EXPECT_EQ(estimate.tets, 0);
+    EXPECT_GT(static_cast<double>(estimate.triangles), 0.5 * triangles);
+    EXPECT_LT(static_cast<double>(estimate.triangles), 2.0 * triangles);
+}
+
+TEST(EstimateRun, OfASurfaceAloneGrowsWithTheSquareOfTheFineness) {
+    const SurfaceMesh input = testing::unit_cube();
+
+    const RunEstimate few = estimate_run(input, {.edge_length = 0.002, .tetrahedra = false});
+    const RunEstimate many = estimate_run(input, {.edge_length = 0.001, .tetrahedra = false});
+
+    EXPECT_NEAR(static_cast<double>(many.triangles), 4.0 * static_cast<double>(few.triangles), 4.0);
+    EXPECT_LT(many.memory_bytes, 4 * few.memory_bytes);
+}
+
 TEST(EstimateRun, GrowsWithTheCubeOfTheFineness) {
     RemeshOptions coarse;
     coarse.edge_length = 0.02;
