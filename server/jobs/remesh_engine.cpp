@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <ostream>
 
 #include "core/error.h"
@@ -13,8 +14,9 @@
 namespace remesh {
 namespace {
 
-// A browser can cut this many in an instant.
-constexpr std::size_t kMaxViewedTets = 200'000;
+// A browser can cut and turn this many in an instant.
+constexpr std::size_t kMaxViewedTets = 500'000;
+constexpr std::size_t kMaxViewedTriangles = 200'000;
 
 /// The problem in a validation's sentence, whose first word is the field.
 void collect(std::vector<FieldProblem>& problems, const std::function<void()>& validation) {
@@ -83,6 +85,14 @@ RemeshOptions read_options(const JobRequest& request, const JobFiles& inputs) {
             inputs.size_image, request.size_image->format, request.size_image->frame));
     }
     return options;
+}
+
+/// One that was written already, so that nobody has to write it again.
+std::optional<ArtifactId> find_output(const JobResult& result, OutputKind kind, MeshFormat format) {
+    const auto found = std::find_if(
+        result.outputs.begin(), result.outputs.end(),
+        [&](const JobOutput& output) { return output.kind == kind && output.format == format; });
+    return found != result.outputs.end() ? std::optional(found->artifact) : std::nullopt;
 }
 
 std::string elements_of(const RunEstimate& estimate) {
@@ -167,12 +177,18 @@ void RemeshEngine::add_views(const JobRequest& request, const SurfaceMesh& input
                              JobResult& result) const {
     const auto report = outputs.add([&](std::ostream& out) { out << to_json(mesh.report); });
     result.outputs.push_back({OutputKind::Report, std::nullopt, report, "quality.json"});
-    const auto preview =
-        outputs.add([&](std::ostream& out) { write_preview(decimate(mesh.surface), out); });
+    const bool is_small = mesh.surface.triangles.size() <= kMaxViewedTriangles;
+    const auto surface =
+        is_small ? find_output(result, OutputKind::Surface, MeshFormat::Ply) : std::nullopt;
+    const auto preview = surface ? *surface : outputs.add([&](std::ostream& out) {
+        write_preview(decimate(mesh.surface, kMaxViewedTriangles), out);
+    });
     result.outputs.push_back({OutputKind::Preview, MeshFormat::Ply, preview, "preview.ply"});
     if (!mesh.tets.tets.empty() && mesh.tets.tets.size() <= kMaxViewedTets) {
-        const auto tets =
-            outputs.add([&](std::ostream& out) { write_tets(mesh.tets, MeshFormat::Vtu, out); });
+        const auto written = find_output(result, OutputKind::Tetrahedra, MeshFormat::Vtu);
+        const auto tets = written ? *written : outputs.add([&](std::ostream& out) {
+            write_tets(mesh.tets, MeshFormat::Vtu, out);
+        });
         result.outputs.push_back(
             {OutputKind::PreviewTetrahedra, MeshFormat::Vtu, tets, "preview.vtu"});
     }

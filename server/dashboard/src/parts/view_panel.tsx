@@ -62,7 +62,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                 : tets?.digest;
     const { content, problem } = useContent(source, digest, inputKind, job.spec.input.digest);
     // The triangles of a thinned-out view aren't those of the mesh.
-    const isThinned = source === 'live' && content?.kind === 'surface' && isThinnerThan(content.mesh, model);
+    const isThinned = content?.kind === 'surface' && isThinner(source, content.mesh, model, job);
     const shownMeasure = isThinned ? 'plain' : measure;
     const cutAt = useMemo(() => (content && clip.share > 0 ? cutOf(content.mesh.positions, clip) : null), [content, clip]);
 
@@ -82,7 +82,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                 </div>
                 <span class="muted view-count">
                     {describe(content)}
-                    {isThinned && ', thinned out while it runs'}
+                    {isThinned && (source === 'live' ? ', thinned out while it runs' : `, thinned out from ${count(trianglesOf(job))}`)}
                 </span>
             </div>
             <Stage
@@ -151,9 +151,16 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
     );
 }
 
-function isThinnerThan(mesh: Mesh, model: JobModel): boolean {
-    const known = model.samples.findLast((sample) => sample.surface_particles)?.surface_particles;
-    return mesh.positions.length / 3 < 0.9 * Number(known ?? 0);
+function trianglesOf(job: Job): string {
+    return job.result?.quality?.after?.triangles ?? '0';
+}
+
+function isThinner(source: Source | undefined, mesh: Mesh, model: JobModel, job: Job): boolean {
+    if (source === 'live') {
+        const known = model.samples.findLast((sample) => sample.surface_particles)?.surface_particles;
+        return mesh.positions.length / 3 < 0.9 * Number(known ?? 0);
+    }
+    return source === 'result' && mesh.triangles.length / 3 < Number(trianglesOf(job));
 }
 
 function describe(content: Content | null): string {

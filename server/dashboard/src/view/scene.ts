@@ -38,6 +38,7 @@ interface Values {
 }
 
 const turnStep = Math.PI / 24;
+const lineOpacity = 0.2;
 /** Corners whose triangle leans further than this from the mean stay sharp, as those of a box do. */
 const cosOfSharp = Math.cos((40 * Math.PI) / 180);
 
@@ -61,6 +62,9 @@ export class Scene {
     /** What edge lengths are compared with, model units. */
     private reference: number | null = null;
     private radius = 1;
+    /** Median length, model units. */
+    private middleEdge = 1;
+    private lines: MeshBasicMaterial | null = null;
     private isFitted = false;
     /** Whether somebody chose a view: that one stays. */
     private isTurned = false;
@@ -97,6 +101,7 @@ export class Scene {
         } else if (content.kind === 'surface') {
             this.values = { quality: triangleQuality(content.mesh), edge: triangleEdge(content.mesh) };
         }
+        this.middleEdge = this.values ? median(this.values.edge) : 1;
         if (!this.isFitted && content.mesh.positions.length > 0) {
             this.isFitted = true;
             this.fit();
@@ -195,8 +200,17 @@ export class Scene {
             const away = this.camera.position.distanceTo(this.controls.target);
             this.fog.near = away - 0.5 * this.radius;
             this.fog.far = away + 0.9 * this.radius;
+            if (this.lines) {
+                this.lines.opacity = lineOpacity * Math.min(1, Math.max(0, (this.pixelsOfEdge(away) - 2) / 8));
+            }
             this.renderer.render(this.stage, this.camera);
         });
+    }
+
+    /** Lines of a fine mesh seen from afar would hide its colours. */
+    private pixelsOfEdge(away: number): number {
+        const tanHalf = Math.tan((this.camera.fov * Math.PI) / 360);
+        return (this.middleEdge / (2 * away * tanHalf)) * this.renderer.domElement.clientHeight;
     }
 
     private bounds() {
@@ -214,6 +228,7 @@ export class Scene {
             }
         }
         this.contents.clear();
+        this.lines = null;
     }
 
     private rebuild() {
@@ -262,7 +277,7 @@ export class Scene {
         const colours = new Float32Array(3 * triangles.length);
         const shade = new Color();
         const plain = new Color(colour('surface-3d'));
-        const reference = this.reference ?? (this.values ? median(this.values.edge) : 1);
+        const reference = this.reference ?? this.middleEdge;
         for (let i = 0; i < triangles.length; ++i) {
             for (let n = 0; n < 3; ++n) {
                 corners[3 * i + n] = positions[3 * triangles[i]! + n]!;
@@ -295,15 +310,15 @@ export class Scene {
         });
         this.contents.add(new Drawn(geometry, material));
         if (this.hasEdges) {
-            const lines = new MeshBasicMaterial({
+            this.lines = new MeshBasicMaterial({
                 color: 0x101418,
                 wireframe: true,
                 transparent: true,
-                opacity: 0.2,
+                opacity: lineOpacity,
                 fog: false,
                 clippingPlanes,
             });
-            this.contents.add(new Drawn(geometry, lines));
+            this.contents.add(new Drawn(geometry, this.lines));
         }
     }
 
