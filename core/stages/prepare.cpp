@@ -350,12 +350,15 @@ private:
 
     Points smooth(const WindingNumber& winding) {
         const double mean_edge = result_.facts.mean_edge;
+        const double variation = result_.facts.edge_variation;
         const double detail = has_coarse_stairs() ? mean_edge : h_;
         auto smoothed =
             smooth_skin(std::move(skin_), winding,
                         {.h = h_,
                          .mean_edge = mean_edge,
                          .detail = detail,
+                         // The mean edge by length: thick slices have a few long edges each.
+                         .stairs = mean_edge * (1.0 + variation * variation),
                          .reach = options_.max_displacement * std::min(mean_edge, detail)},
                         run_);
         skin_ = std::move(smoothed.surface);

@@ -1,8 +1,10 @@
 #include "core/stages/smooth_skin.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "core/geometry/bvh.h"
@@ -18,6 +20,8 @@ namespace {
 constexpr double kNoisyShare = 0.45;    // Of the area: more that is rough is noise.
 constexpr double kRoughCosine = 0.927;  // 22 degrees between triangle and smoothed surface.
 constexpr double kMaxVolumeChange = 0.02;
+constexpr double kDirectionCells = 50.0;       // Of a unit vector's components.
+constexpr std::size_t kStairDirections = 300;  // Marching cubes give 26 to 62, noise 2,600.
 
 class Smoother {
 public:
@@ -64,7 +68,9 @@ private:
         return normals;
     }
 
-    /// Compares triangles, spread evenly over the area, with the smoothed field's direction.
+    /// Compares triangles, spread evenly over the area, with the smoothed field's direction. Stairs
+    /// are as rough as noise, but face few directions; far smaller ones than elements go either
+    /// way, sooner as noise.
     [[nodiscard]] bool is_noisy() const {
         constexpr std::size_t kSamples = 3000;
         const std::size_t n = raw_.triangles.size();
@@ -74,20 +80,33 @@ private:
             sum += area_vector(raw_, i).norm();
             total[i] = sum;
         }
-        const double rough = sum_over(kSamples, [&](std::size_t k) {
+        std::vector<std::size_t> sample(kSamples);
+        std::set<std::array<long, 3>> directions;
+        for (std::size_t k = 0; k < kSamples; ++k) {
             const double at = sum * (static_cast<double>(k) + 0.5) / kSamples;
             const auto found = std::lower_bound(total.begin(), total.end(), at);
-            const auto i = std::min(static_cast<std::size_t>(found - total.begin()), n - 1);
-            const Vec3 gradient = field_.at(centroid(raw_, i), 1.2 * options_.detail).gradient;
-            const Vec3 normal = area_vector(raw_, i).normalized();
+            sample[k] = std::min(static_cast<std::size_t>(found - total.begin()), n - 1);
+            const Vec3 cell = kDirectionCells * area_vector(raw_, sample[k]).normalized();
+            directions.insert(
+                {std::lround(cell.x()), std::lround(cell.y()), std::lround(cell.z())});
+        }
+        const double rough = sum_over(kSamples, [&](std::size_t k) {
+            const Vec3 gradient =
+                field_.at(centroid(raw_, sample[k]), 1.2 * options_.detail).gradient;
+            const Vec3 normal = area_vector(raw_, sample[k]).normalized();
             return -normal.dot(gradient) < kRoughCosine * gradient.norm() ? 1.0 : 0.0;
         });
-        return rough > kNoisyShare * kSamples;
+        const bool is_stairs =
+            directions.size() <= kStairDirections && options_.stairs > 0.5 * options_.detail;
+        return rough > kNoisyShare * kSamples && !is_stairs;
     }
 
     void project() {
-        const double radius =
-            std::clamp(1.7 * options_.mean_edge, 0.6 * options_.detail, 1.5 * options_.detail);
+        const bool is_noisy = result_.noisy;
+        const double edge = is_noisy ? options_.mean_edge : options_.stairs;
+        const double detail =
+            is_noisy ? options_.detail : std::max(options_.detail, options_.stairs);
+        const double radius = std::clamp(1.7 * edge, 0.6 * detail, 1.5 * detail);
         is_moved_.assign(raw_.vertices.size(), 0);
         for_each_index(raw_.vertices.size(), run_, [&](std::size_t i) {
             const auto moved = smooth_place(raw_.vertices[i], radius);

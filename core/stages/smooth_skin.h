@@ -11,8 +11,9 @@ namespace remesh {
 struct SmoothOptions {
     double h = 0.0;          ///< Wanted edge length, model units.
     double mean_edge = 0.0;  ///< Of the input, model units.
-    double detail = 0.0;  ///< What is smaller is damage, model units: h, or the stairs if larger.
-    double reach = 0.0;   ///< Bound of the displacement by projection, model units.
+    double detail = 0.0;     ///< What is smaller is damage, model units.
+    double stairs = 0.0;     ///< Length of stairs, model units; smoothed as far as not noise.
+    double reach = 0.0;      ///< Bound of the displacement by projection, model units.
 };
 
 struct SmoothResult {

@@ -349,6 +349,29 @@ TEST(PrepareSurface, SmoothsStairsThatElementsWouldResolve) {
               0.95);
 }
 
+TEST(PrepareSurface, SmoothsStairsOfSlicesThickerThanElements) {
+    constexpr double kThickness = 4.0;  // Of a slice, over the size of a voxel in it.
+    const Vec3 stretch(1.0, 1.0, kThickness);
+    const auto ball = [&](const Vec3& x) { return x.cwiseProduct(stretch).norm() < 1.0; };
+    const auto mesh = testing::transformed(
+        testing::voxel_surface(ball, {Vec3::Constant(-1.1), Vec3::Constant(1.1)}, 0.04),
+        Eigen::Matrix3d(stretch.asDiagonal()), Vec3::Zero());
+
+    const auto result = prepare(mesh, 0.08);
+
+    ASSERT_TRUE(result.smoothed);
+    EXPECT_NEAR(sampled_volume(*result.domain), 4.0 / 3.0 * std::numbers::pi, 0.03 * 4.2);
+    double mean = 0.0;
+    const int kSamples = 500;
+    for (int i = 0; i < kSamples; ++i) {  // Along a spiral.
+        const double z = 0.7 - 1.4 * (i + 0.5) / kSamples;
+        const double r = std::sqrt(1.0 - z * z);
+        const Vec3 out(r * std::cos(0.7 * i), r * std::sin(0.7 * i), z);
+        mean += result.domain->closest(out).normal.dot(out) / kSamples;
+    }
+    EXPECT_GT(mean, 0.965);
+}
+
 TEST(PrepareSurface, LeavesThePlainSidesOfAnEvenlyMeshedCube) {
     const auto cube = [](const Vec3& x) { return x.cwiseAbs().maxCoeff() < 1.0; };
     const auto mesh =
