@@ -22,8 +22,8 @@ constexpr std::size_t kBufferBytes = std::size_t{64} << 20U;
 constexpr std::size_t kMinChunkBytes = std::size_t{64} << 10U;
 
 /// What a download sends at a time when there are so many transfers.
-std::size_t chunk_bytes(int transfers) {
-    return std::clamp(kBufferBytes / static_cast<std::size_t>(std::max(1, transfers)),
+std::size_t chunk_bytes(std::int64_t transfers) {
+    return std::clamp(kBufferBytes / static_cast<std::size_t>(std::max<std::int64_t>(1, transfers)),
                       kMinChunkBytes, kMaxChunkBytes);
 }
 
