@@ -162,10 +162,17 @@ grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* cont
         [=, this](const Principal& who, std::string&) { *reply = list(who.tenant, *request); });
 }
 
-grpc::ServerWriteReactor<v1::JobEvent>* JobService::WatchJob(grpc::CallbackServerContext* context,
-                                                             const v1::WatchJobRequest* request) {
-    return watches_.open(executor_, [=, this, request = *request](WatchTarget& target) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
+    v1::WatchJobRequest request;
+    grpc::ByteBuffer copy(*bytes);
+    const bool is_read =
+        grpc::SerializationTraits<v1::WatchJobRequest>::Deserialize(&copy, &request).ok();
+    return watches_.open(executor_, [=, this](WatchTarget& target) {
         return guarded(gate_, *context, kWatch, [&](const Principal& who, std::string&) {
+            if (!is_read) {
+                refuse("request", "must be a WatchJobRequest");
+            }
             target = {who, job_key_of(who.tenant, request.name()), request.after_sequence()};
             if (target.after < 0) {
                 refuse("after_sequence", "must be >= 0, got " + std::to_string(target.after));

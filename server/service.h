@@ -15,7 +15,9 @@
 namespace remesh {
 
 /// Lets the caller in, converts, calls the registry, converts back. The tenant is the caller's.
-class JobService final : public v1::JobService::CallbackService {
+/// WatchJob sends bytes, which its streams share, instead of messages.
+class JobService final
+    : public v1::JobService::WithRawCallbackMethod_WatchJob<v1::JobService::CallbackService> {
 public:
     JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
                QueueHub& queue_watches, Executor& executor, Reception& reception);
@@ -28,8 +30,8 @@ public:
     grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context,
                                        const v1::ListJobsRequest* request,
                                        v1::ListJobsResponse* reply) override;
-    grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* context,
-                                                     const v1::WatchJobRequest* request) override;
+    grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchJob(grpc::CallbackServerContext* context,
+                                                         const grpc::ByteBuffer* request) override;
     grpc::ServerWriteReactor<v1::QueueEvent>* WatchQueue(
         grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) override;
     grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
