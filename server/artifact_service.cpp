@@ -32,7 +32,7 @@ grpc::ServerUnaryReactor* ArtifactService::FindMissingArtifacts(
             for (int i = 0; i < request->digests_size(); ++i) {
                 const v1::Digest& digest = request->digests(i);
                 const auto artifact = artifact_of(digest, "digests[" + std::to_string(i) + "]");
-                if (!room_.artifacts.find(who.tenant, artifact.sha256)) {
+                if (!room_.artifacts.find_whole(who.tenant, artifact.sha256)) {
                     *reply->add_missing() = digest;
                 }
             }
@@ -50,7 +50,7 @@ grpc::ServerUnaryReactor* ArtifactService::GetUpload(grpc::CallbackServerContext
     return reception_.answer(
         {context, request, reply}, kGetUpload, [=, this](const Principal& who, std::string&) {
             const ArtifactId artifact = artifact_of(request->digest(), "digest");
-            const auto known = room_.artifacts.find(who.tenant, artifact.sha256);
+            const auto known = room_.artifacts.find_whole(who.tenant, artifact.sha256);
             *reply->mutable_digest() = request->digest();
             reply->set_is_complete(known.has_value());
             reply->set_committed_bytes(

@@ -146,6 +146,13 @@ grpc::Status storage_full_status() {
     return status.build();
 }
 
+grpc::Status artifact_damaged_status() {
+    return StatusBuilder(grpc::StatusCode::DATA_LOSS,
+                         "the stored bytes no longer have their digest; upload them again",
+                         "ARTIFACT_DAMAGED")
+        .build();
+}
+
 }  // namespace
 
 grpc::Status to_status(const std::exception_ptr& error) {
@@ -162,8 +169,12 @@ grpc::Status to_status(const std::exception_ptr& error) {
         return StatusBuilder(code_of(code), core_error.what(), reason_of(code)).build();
     } catch (const StoreError& store_error) {
         spdlog::error("event=store_failed message=\"{}\"", store_error.what());
-        return store_error.kind() == StoreError::Kind::Full ? storage_full_status()
-                                                            : failed_status();
+        switch (store_error.kind()) {
+            case StoreError::Kind::Failed: break;
+            case StoreError::Kind::Full: return storage_full_status();
+            case StoreError::Kind::Lost: return artifact_damaged_status();
+        }
+        return failed_status();
     } catch (const std::exception& other) {
         // What it says is for the operator: it may name paths.
         spdlog::error("event=call_failed message=\"{}\"", other.what());
