@@ -148,7 +148,8 @@ grpc::Status storage_full_status() {
 
 grpc::Status artifact_damaged_status() {
     return StatusBuilder(grpc::StatusCode::DATA_LOSS,
-                         "the stored bytes no longer have their digest; upload them again",
+                         "the stored bytes are gone or damaged; upload them again, or run their "
+                         "job again with skip_cache",
                          "ARTIFACT_DAMAGED")
         .build();
 }
