@@ -17,28 +17,26 @@ constexpr std::size_t kMaxFileName = 255;
 
 }  // namespace
 
-ArtifactService::ArtifactService(TransferRoom room, Inspector inspector,
-                                 InspectionQueue& inspections)
-    : room_(std::move(room)), inspector_(std::move(inspector)), inspections_(inspections) {}
+ArtifactService::ArtifactService(TransferRoom room, Inspector inspector, Reception& reception)
+    : room_(std::move(room)), inspector_(std::move(inspector)), reception_(reception) {}
 
 grpc::ServerUnaryReactor* ArtifactService::FindMissingArtifacts(
     grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
     v1::FindMissingArtifactsResponse* reply) {
-    return answer(room_.gate, room_.executor, context, kFindMissing,
-                  [=, this](const Principal& who, std::string&) {
-                      if (request->digests_size() > kMaxDigests) {
-                          refuse("digests", "must be at most 1000, got " +
-                                                std::to_string(request->digests_size()));
-                      }
-                      for (int i = 0; i < request->digests_size(); ++i) {
-                          const v1::Digest& digest = request->digests(i);
-                          const auto artifact =
-                              artifact_of(digest, "digests[" + std::to_string(i) + "]");
-                          if (!room_.artifacts.find(who.tenant, artifact.sha256)) {
-                              *reply->add_missing() = digest;
-                          }
-                      }
-                  });
+    return reception_.answer(
+        {context, request, reply}, kFindMissing, [=, this](const Principal& who, std::string&) {
+            if (request->digests_size() > kMaxDigests) {
+                refuse("digests",
+                       "must be at most 1000, got " + std::to_string(request->digests_size()));
+            }
+            for (int i = 0; i < request->digests_size(); ++i) {
+                const v1::Digest& digest = request->digests(i);
+                const auto artifact = artifact_of(digest, "digests[" + std::to_string(i) + "]");
+                if (!room_.artifacts.find_whole(who.tenant, artifact.sha256)) {
+                    *reply->add_missing() = digest;
+                }
+            }
+        });
 }
 
 grpc::ServerReadReactor<v1::UploadArtifactRequest>* ArtifactService::UploadArtifact(
@@ -49,11 +47,10 @@ grpc::ServerReadReactor<v1::UploadArtifactRequest>* ArtifactService::UploadArtif
 grpc::ServerUnaryReactor* ArtifactService::GetUpload(grpc::CallbackServerContext* context,
                                                      const v1::GetUploadRequest* request,
                                                      v1::Upload* reply) {
-    return answer(
-        room_.gate, room_.executor, context, kGetUpload,
-        [=, this](const Principal& who, std::string&) {
+    return reception_.answer(
+        {context, request, reply}, kGetUpload, [=, this](const Principal& who, std::string&) {
             const ArtifactId artifact = artifact_of(request->digest(), "digest");
-            const auto known = room_.artifacts.find(who.tenant, artifact.sha256);
+            const auto known = room_.artifacts.find_whole(who.tenant, artifact.sha256);
             *reply->mutable_digest() = request->digest();
             reply->set_is_complete(known.has_value());
             reply->set_committed_bytes(
@@ -84,12 +81,12 @@ v1::Inspection ArtifactService::inspect(const std::string& tenant,
 grpc::ServerUnaryReactor* ArtifactService::InspectArtifact(
     grpc::CallbackServerContext* context, const v1::InspectArtifactRequest* request,
     v1::Inspection* reply) {
-    return inspections_.answer(room_.gate, room_.executor, context, kInspect,
-                               [=, this](const Principal& who, std::string& subject) {
-                                   require_sha256(request->sha256(), "sha256");
-                                   subject = request->sha256();
-                                   *reply = inspect(who.tenant, *request);
-                               });
+    return reception_.inspect({context, request, reply}, kInspect,
+                              [=, this](const Principal& who, std::string& subject) {
+                                  require_sha256(request->sha256(), "sha256");
+                                  subject = request->sha256();
+                                  *reply = inspect(who.tenant, *request);
+                              });
 }
 
 }  // namespace remesh

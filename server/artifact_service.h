@@ -2,7 +2,7 @@
 
 #include "remesh/v1/artifact.grpc.pb.h"
 #include "server/inspect.h"
-#include "server/inspection_queue.h"
+#include "server/reception.h"
 #include "server/transfer_streams.h"
 
 namespace remesh {
@@ -10,7 +10,7 @@ namespace remesh {
 /// Bytes in and out, and what they are. The tenant is the caller's.
 class ArtifactService final : public v1::ArtifactService::CallbackService {
 public:
-    ArtifactService(TransferRoom room, Inspector inspector, InspectionQueue& inspections);
+    ArtifactService(TransferRoom room, Inspector inspector, Reception& reception);
 
     grpc::ServerUnaryReactor* FindMissingArtifacts(
         grpc::CallbackServerContext* context, const v1::FindMissingArtifactsRequest* request,
@@ -31,7 +31,7 @@ private:
 
     const TransferRoom room_;
     const Inspector inspector_;
-    InspectionQueue& inspections_;
+    Reception& reception_;
 };
 
 }  // namespace remesh

@@ -10,7 +10,6 @@
 
 #include "server/auth/gate.h"
 #include "server/convert.h"
-#include "server/executor.h"
 
 namespace remesh {
 
@@ -54,18 +53,6 @@ grpc::Status guarded(Gate& gate, const grpc::CallbackServerContext& context, con
     } catch (...) {
         return to_status(std::current_exception());
     }
-}
-
-/// Answers a unary call by `guarded`, where it may block.
-template <typename Handler>
-grpc::ServerUnaryReactor* answer(Gate& gate, Executor& executor,
-                                 grpc::CallbackServerContext* context, const Rule& rule,
-                                 Handler handler) {
-    auto* reactor = context->DefaultReactor();
-    executor.post([&gate, context, rule, reactor, handler = std::move(handler)] {
-        reactor->Finish(guarded(gate, *context, rule, handler));
-    });
-    return reactor;
 }
 
 }  // namespace remesh

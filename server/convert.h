@@ -84,6 +84,9 @@ private:
 [[nodiscard]] grpc::Status artifact_not_found_status(const std::string& sha256);
 [[nodiscard]] grpc::Status too_many_status(const std::string& subject,
                                            const std::string& description);
+/// Of what becomes free again by itself.
+[[nodiscard]] grpc::Status too_many_now_status(const std::string& subject,
+                                               const std::string& description);
 
 /// Specs, outcomes and events as serialized proto messages.
 class ProtoCodec final : public JobCodec {

@@ -34,13 +34,9 @@ auto* list_for(v1::TenantSummary& summary, JobState state) {
 
 }  // namespace
 
-QueueService::QueueService(Gate& gate, JobStore& store, JobRegistry& registry, Executor& executor,
+QueueService::QueueService(Reception& reception, JobStore& store, JobRegistry& registry,
                            Clock clock)
-    : gate_(gate),
-      store_(store),
-      registry_(registry),
-      executor_(executor),
-      clock_(std::move(clock)) {}
+    : reception_(reception), store_(store), registry_(registry), clock_(std::move(clock)) {}
 
 QueueService::Ended QueueService::look_at(const JobKey& key) {
     {
@@ -121,10 +117,11 @@ v1::SummarizeQueueResponse QueueService::summarize(const Principal& who) {
 }
 
 grpc::ServerUnaryReactor* QueueService::SummarizeQueue(grpc::CallbackServerContext* context,
-                                                       const v1::SummarizeQueueRequest*,
+                                                       const v1::SummarizeQueueRequest* request,
                                                        v1::SummarizeQueueResponse* reply) {
-    return answer(gate_, executor_, context, kSummarize,
-                  [=, this](const Principal& who, std::string&) { *reply = summarize(who); });
+    return reception_.answer(
+        {context, request, reply}, kSummarize,
+        [=, this](const Principal& who, std::string&) { *reply = summarize(who); });
 }
 
 }  // namespace remesh

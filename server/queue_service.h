@@ -10,9 +10,8 @@
 #include <vector>
 
 #include "remesh/v1/queue.grpc.pb.h"
-#include "server/auth/gate.h"
-#include "server/executor.h"
 #include "server/jobs/registry.h"
+#include "server/reception.h"
 
 namespace remesh {
 
@@ -22,7 +21,7 @@ class QueueService final : public v1::QueueService::CallbackService {
 public:
     using Clock = std::function<Time()>;
 
-    QueueService(Gate& gate, JobStore& store, JobRegistry& registry, Executor& executor,
+    QueueService(Reception& reception, JobStore& store, JobRegistry& registry,
                  Clock clock = system_now);
 
     grpc::ServerUnaryReactor* SummarizeQueue(grpc::CallbackServerContext* context,
@@ -44,10 +43,9 @@ private:
     /// \throws JobError if there is no such job
     Ended look_at(const JobKey& key);
 
-    Gate& gate_;
+    Reception& reception_;
     JobStore& store_;
     JobRegistry& registry_;
-    Executor& executor_;
     const Clock clock_;
 
     std::mutex mutex_;

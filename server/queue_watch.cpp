@@ -108,6 +108,7 @@ void QueueHub::notify(const JobKey& key) {
         if (stream->who_.tenant != key.tenant || stream->has_overflowed_) {
             continue;
         }
+        changed_jobs_.insert(key);
         stream->changed_.insert(key);
         if (stream->changed_.size() > kMaxJobs) {
             stream->changed_.clear();
@@ -141,11 +142,32 @@ void QueueHub::run(std::stop_token stop) {
                                                      kRound / 2, options_.heartbeat / 4);
             changed_.wait_for(lock, stop, tick, [this] { return is_awake_; });
             is_awake_ = false;
+            forget_changed();
             streams.assign(streams_.begin(), streams_.end());
         }
         for (QueueStream* stream : streams) {
             feed(*stream);
         }
+    }
+}
+
+const v1::Job& QueueHub::short_of(const JobKey& key) {
+    const auto now = std::chrono::steady_clock::now();
+    const auto found = told_.find(key);
+    // A queued job's place changes without any event of its own.
+    if (found != told_.end() && now - found->second.time < kRound) {
+        return found->second.job;
+    }
+    Told told{in_short(registry_.get(key)), now};
+    if (told_.size() >= kMaxJobs) {
+        told_.clear();
+    }
+    return told_.insert_or_assign(key, std::move(told)).first->second.job;
+}
+
+void QueueHub::forget_changed() {
+    for (const JobKey& key : std::exchange(changed_jobs_, {})) {
+        told_.erase(key);
     }
 }
 
@@ -183,6 +205,7 @@ std::optional<v1::QueueEvent> QueueHub::next(QueueStream& stream) {
             return event;
         }
         if (!stream.changed_.empty()) {
+            forget_changed();
             stream.last_round_ = now;
             stream.round_.assign(stream.changed_.begin(), stream.changed_.end());
             stream.changed_.clear();
@@ -192,7 +215,7 @@ std::optional<v1::QueueEvent> QueueHub::next(QueueStream& stream) {
         const JobKey key = std::move(stream.round_.back());
         stream.round_.pop_back();
         try {
-            *event.mutable_job() = in_short(registry_.get(key));
+            *event.mutable_job() = short_of(key);
         } catch (const JobError&) {
             event.set_deleted(job_name(key));
         }

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <functional>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -51,6 +52,10 @@ private:
 
     [[nodiscard]] grpc::Status start(QueueStream& stream, const Principal& who);
     void wake();
+    /// A job in short, as it stood when it changed last or later. \throws JobError{NotFound}
+    const v1::Job& short_of(const JobKey& key);
+    /// Makes the next reader of a job that changed read it anew. Needs mutex_.
+    void forget_changed();
     void run(std::stop_token stop);
     void feed(QueueStream& stream);
     /// The newest of the jobs that aren't done and weren't sent, or that these were all.
@@ -70,6 +75,13 @@ private:
     std::set<QueueStream*> streams_;  // needs mutex_
     bool is_awake_ = false;           // needs mutex_
     bool is_closed_ = false;          // needs mutex_
+    std::set<JobKey> changed_jobs_;   // needs mutex_; since they were forgotten
+
+    struct Told {
+        v1::Job job{};
+        std::chrono::steady_clock::time_point time{};
+    };
+    std::map<JobKey, Told> told_;  // the thread's only; of all tenants
 
     std::jthread thread_;
 };

@@ -16,6 +16,7 @@
 #include "server/partial_uploads.h"
 #include "server/queue_service.h"
 #include "server/queue_watch.h"
+#include "server/reception.h"
 #include "server/service.h"
 #include "server/store/artifact_store.h"
 #include "server/store/data_dir.h"
@@ -50,6 +51,7 @@ struct ServerOptions {
     HousekeeperOptions housekeeping{};
     WatchOptions watches{};
     TransferOptions transfers{};
+    CallOptions calls{};
 };
 
 /// A whole server but for its process: data directory, registry, workers (here or in processes of
@@ -103,7 +105,7 @@ private:
     Gate gate_;
     ProtoCodec codec_;
     Executor executor_;
-    InspectionQueue inspections_;
+    Reception reception_;
     JobRegistry registry_;
     WatchHub watches_;
     QueueHub queue_watches_;

@@ -40,14 +40,14 @@ void check_request_id(const std::string& id) {
 
 JobService::JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts,
                        WatchHub& watches, QueueHub& queue_watches, Executor& executor,
-                       InspectionQueue& inspections)
+                       Reception& reception)
     : gate_(gate),
       registry_(registry),
       artifacts_(artifacts),
       watches_(watches),
       queue_watches_(queue_watches),
       executor_(executor),
-      inspections_(inspections),
+      reception_(reception),
       page_tokens_(gate.key_for("pages")) {}
 
 void JobService::complete(v1::Digest& digest, const std::string& tenant,
@@ -89,23 +89,24 @@ grpc::ServerUnaryReactor* JobService::CreateJob(grpc::CallbackServerContext* con
                                                 const v1::CreateJobRequest* request,
                                                 v1::Job* reply) {
     if (request->validate_only()) {  // An estimate takes a look at the input.
-        return inspections_.answer(gate_, executor_, context, kCreate,
-                                   [=, this](const Principal& who, std::string&) {
-                                       *reply = create(who.tenant, *request);
-                                   });
+        return reception_.inspect({context, request, reply}, kCreate,
+                                  [=, this](const Principal& who, std::string&) {
+                                      *reply = create(who.tenant, *request);
+                                  });
     }
-    return answer(gate_, executor_, context, kCreate,
-                  [=, this](const Principal& who, std::string& subject) {
-                      *reply = create(who.tenant, *request);
-                      subject = reply->name();
-                  });
+    return reception_.answer({context, request, reply}, kCreate,
+                             [=, this](const Principal& who, std::string& subject) {
+                                 *reply = create(who.tenant, *request);
+                                 subject = reply->name();
+                             });
 }
 
 grpc::ServerUnaryReactor* JobService::GetJob(grpc::CallbackServerContext* context,
                                              const v1::GetJobRequest* request, v1::Job* reply) {
-    return answer(gate_, executor_, context, kGet, [=, this](const Principal& who, std::string&) {
-        *reply = to_proto(registry_.get(job_key_of(who.tenant, request->name())));
-    });
+    return reception_.answer(
+        {context, request, reply}, kGet, [=, this](const Principal& who, std::string&) {
+            *reply = to_proto(registry_.get(job_key_of(who.tenant, request->name())));
+        });
 }
 
 v1::ListJobsResponse JobService::list(const std::string& tenant,
@@ -156,15 +157,22 @@ v1::ListJobsResponse JobService::list(const std::string& tenant,
 grpc::ServerUnaryReactor* JobService::ListJobs(grpc::CallbackServerContext* context,
                                                const v1::ListJobsRequest* request,
                                                v1::ListJobsResponse* reply) {
-    return answer(gate_, executor_, context, kList, [=, this](const Principal& who, std::string&) {
-        *reply = list(who.tenant, *request);
-    });
+    return reception_.answer(
+        {context, request, reply}, kList,
+        [=, this](const Principal& who, std::string&) { *reply = list(who.tenant, *request); });
 }
 
-grpc::ServerWriteReactor<v1::JobEvent>* JobService::WatchJob(grpc::CallbackServerContext* context,
-                                                             const v1::WatchJobRequest* request) {
-    return watches_.open(executor_, [=, this, request = *request](WatchTarget& target) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
+    grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes) {
+    v1::WatchJobRequest request;
+    grpc::ByteBuffer copy(*bytes);
+    const bool is_read =
+        grpc::SerializationTraits<v1::WatchJobRequest>::Deserialize(&copy, &request).ok();
+    return watches_.open(executor_, [=, this](WatchTarget& target) {
         return guarded(gate_, *context, kWatch, [&](const Principal& who, std::string&) {
+            if (!is_read) {
+                refuse("request", "must be a WatchJobRequest");
+            }
             target = {who, job_key_of(who.tenant, request.name()), request.after_sequence()};
             if (target.after < 0) {
                 refuse("after_sequence", "must be >= 0, got " + std::to_string(target.after));
@@ -186,41 +194,41 @@ grpc::ServerWriteReactor<v1::QueueEvent>* JobService::WatchQueue(
 grpc::ServerUnaryReactor* JobService::CancelJob(grpc::CallbackServerContext* context,
                                                 const v1::CancelJobRequest* request,
                                                 v1::Job* reply) {
-    return answer(gate_, executor_, context, kCancel,
-                  [=, this](const Principal& who, std::string& subject) {
-                      const JobKey key = job_key_of(who.tenant, request->name());
-                      subject = job_name(key);
-                      *reply = to_proto(registry_.cancel(key));
-                  });
+    return reception_.answer({context, request, reply}, kCancel,
+                             [=, this](const Principal& who, std::string& subject) {
+                                 const JobKey key = job_key_of(who.tenant, request->name());
+                                 subject = job_name(key);
+                                 *reply = to_proto(registry_.cancel(key));
+                             });
 }
 
 grpc::ServerUnaryReactor* JobService::RetryJob(grpc::CallbackServerContext* context,
                                                const v1::RetryJobRequest* request, v1::Job* reply) {
-    return answer(gate_, executor_, context, kRetry,
-                  [=, this](const Principal& who, std::string& subject) {
-                      check_request_id(request->request_id());
-                      const JobKey key = job_key_of(who.tenant, request->name());
-                      subject = job_name(key);
-                      *reply = to_proto(registry_.retry(key, request->request_id()));
-                  });
+    return reception_.answer({context, request, reply}, kRetry,
+                             [=, this](const Principal& who, std::string& subject) {
+                                 check_request_id(request->request_id());
+                                 const JobKey key = job_key_of(who.tenant, request->name());
+                                 subject = job_name(key);
+                                 *reply = to_proto(registry_.retry(key, request->request_id()));
+                             });
 }
 
 grpc::ServerUnaryReactor* JobService::DeleteJob(grpc::CallbackServerContext* context,
                                                 const v1::DeleteJobRequest* request,
-                                                v1::DeleteJobResponse*) {
-    return answer(gate_, executor_, context, kDelete,
-                  [=, this](const Principal& who, std::string& subject) {
-                      const auto revision = request->etag().empty()
-                                                ? std::nullopt
-                                                : std::optional(revision_of(request->etag()));
-                      const JobKey key = job_key_of(who.tenant, request->name());
-                      subject = job_name(key);
-                      registry_.remove(key, revision);
-                  });
+                                                v1::DeleteJobResponse* reply) {
+    return reception_.answer(
+        {context, request, reply}, kDelete, [=, this](const Principal& who, std::string& subject) {
+            const auto revision = request->etag().empty()
+                                      ? std::nullopt
+                                      : std::optional(revision_of(request->etag()));
+            const JobKey key = job_key_of(who.tenant, request->name());
+            subject = job_name(key);
+            registry_.remove(key, revision);
+        });
 }
 
-CapabilityService::CapabilityService(Gate& gate, Executor& executor, const ServerLimits& limits)
-    : gate_(gate), executor_(executor) {
+CapabilityService::CapabilityService(Reception& reception, const ServerLimits& limits)
+    : reception_(reception) {
     capabilities_.set_server_version(kVersion);
     capabilities_.set_api_version("v1");
     for (const MeshFormat format :
@@ -242,11 +250,11 @@ CapabilityService::CapabilityService(Gate& gate, Executor& executor, const Serve
     capabilities_.set_max_queued_jobs(static_cast<std::int32_t>(limits.max_queued_jobs));
 }
 
-grpc::ServerUnaryReactor* CapabilityService::GetCapabilities(grpc::CallbackServerContext* context,
-                                                             const v1::GetCapabilitiesRequest*,
-                                                             v1::GetCapabilitiesResponse* reply) {
-    return answer(gate_, executor_, context, kCapabilities,
-                  [=, this](const Principal&, std::string&) { *reply = capabilities_; });
+grpc::ServerUnaryReactor* CapabilityService::GetCapabilities(
+    grpc::CallbackServerContext* context, const v1::GetCapabilitiesRequest* request,
+    v1::GetCapabilitiesResponse* reply) {
+    return reception_.answer({context, request, reply}, kCapabilities,
+                             [=, this](const Principal&, std::string&) { *reply = capabilities_; });
 }
 
 }  // namespace remesh

@@ -6,19 +6,21 @@
 #include "remesh/v1/job.grpc.pb.h"
 #include "server/auth/gate.h"
 #include "server/executor.h"
-#include "server/inspection_queue.h"
 #include "server/jobs/registry.h"
 #include "server/page_tokens.h"
 #include "server/queue_watch.h"
+#include "server/reception.h"
 #include "server/watch_stream.h"
 
 namespace remesh {
 
 /// Lets the caller in, converts, calls the registry, converts back. The tenant is the caller's.
-class JobService final : public v1::JobService::CallbackService {
+/// WatchJob sends bytes, which its streams share, instead of messages.
+class JobService final
+    : public v1::JobService::WithRawCallbackMethod_WatchJob<v1::JobService::CallbackService> {
 public:
     JobService(Gate& gate, JobRegistry& registry, ArtifactStore& artifacts, WatchHub& watches,
-               QueueHub& queue_watches, Executor& executor, InspectionQueue& inspections);
+               QueueHub& queue_watches, Executor& executor, Reception& reception);
 
     grpc::ServerUnaryReactor* CreateJob(grpc::CallbackServerContext* context,
                                         const v1::CreateJobRequest* request,
@@ -28,8 +30,8 @@ public:
     grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context,
                                        const v1::ListJobsRequest* request,
                                        v1::ListJobsResponse* reply) override;
-    grpc::ServerWriteReactor<v1::JobEvent>* WatchJob(grpc::CallbackServerContext* context,
-                                                     const v1::WatchJobRequest* request) override;
+    grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchJob(grpc::CallbackServerContext* context,
+                                                         const grpc::ByteBuffer* request) override;
     grpc::ServerWriteReactor<v1::QueueEvent>* WatchQueue(
         grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) override;
     grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
@@ -53,7 +55,7 @@ private:
     WatchHub& watches_;
     QueueHub& queue_watches_;
     Executor& executor_;
-    InspectionQueue& inspections_;
+    Reception& reception_;
     const PageTokens page_tokens_;
 };
 
@@ -67,15 +69,14 @@ struct ServerLimits {
 
 class CapabilityService final : public v1::CapabilityService::CallbackService {
 public:
-    CapabilityService(Gate& gate, Executor& executor, const ServerLimits& limits);
+    CapabilityService(Reception& reception, const ServerLimits& limits);
 
     grpc::ServerUnaryReactor* GetCapabilities(grpc::CallbackServerContext* context,
                                               const v1::GetCapabilitiesRequest* request,
                                               v1::GetCapabilitiesResponse* reply) override;
 
 private:
-    Gate& gate_;
-    Executor& executor_;
+    Reception& reception_;
     v1::GetCapabilitiesResponse capabilities_;
 };
 

@@ -22,8 +22,8 @@ constexpr std::size_t kBufferBytes = std::size_t{64} << 20U;
 constexpr std::size_t kMinChunkBytes = std::size_t{64} << 10U;
 
 /// What a download sends at a time when there are so many transfers.
-std::size_t chunk_bytes(int transfers) {
-    return std::clamp(kBufferBytes / static_cast<std::size_t>(std::max(1, transfers)),
+std::size_t chunk_bytes(std::int64_t transfers) {
+    return std::clamp(kBufferBytes / static_cast<std::size_t>(std::max<std::int64_t>(1, transfers)),
                       kMinChunkBytes, kMaxChunkBytes);
 }
 
@@ -124,7 +124,7 @@ private:
         if (chunk_.offset() < 0) {
             refuse("offset", "must be >= 0, got " + std::to_string(chunk_.offset()));
         }
-        if (const auto known = room_.artifacts.find(who_.tenant, expected_.sha256)) {
+        if (const auto known = room_.artifacts.find_whole(who_.tenant, expected_.sha256)) {
             answer(*known, true);
             return;
         }
@@ -149,7 +149,9 @@ private:
     /// Whether the tenant may keep all that it has and is sending.
     [[nodiscard]] bool has_room() const {
         const auto left = room_.artifacts.room_of(who_.tenant, room_.max_tenant_bytes);
-        return !left || room_.uploads.bytes_of(who_.tenant) <= *left;
+        // What replaces a damaged file is counted already.
+        const auto known = room_.artifacts.find(who_.tenant, expected_.sha256);
+        return !left || room_.uploads.bytes_of(who_.tenant) <= *left + (known ? known->size : 0);
     }
     [[nodiscard]] JobError tenant_full() const {
         return {JobErrorCode::LimitPassed,
@@ -224,7 +226,7 @@ public:
             if (!status.ok()) {
                 end(status);
             } else {
-                send();
+                go_on();
             }
         });
     }
@@ -233,12 +235,11 @@ public:
         room_.executor.post([this, ok] {
             if (!ok) {
                 end({grpc::StatusCode::CANCELLED, "the client left"});
-            } else if (next_ == end_) {
-                end(check());
-            } else if (const grpc::Status status = may_go_on(room_.gate, who_); !status.ok()) {
+            } else if (const grpc::Status status = may_go_on(room_.gate, who_);
+                       !status.ok() && next_ < end_) {
                 end(status);
             } else {
-                send();
+                go_on();
             }
         });
     }
@@ -261,23 +262,37 @@ private:
                                "offset must be at most " + std::to_string(artifact->size) +
                                    ", got " + std::to_string(request.offset())});
         }
-        view_.emplace(room_.artifacts.open(tenant, *artifact));
+        file_.emplace(room_.artifacts.open_file(tenant, *artifact));
         next_ = static_cast<std::size_t>(request.offset());
         end_ = static_cast<std::size_t>(artifact->size);
         if (request.limit() > 0) {
             end_ = std::min(
                 end_, next_ + static_cast<std::size_t>(std::min(request.limit(), artifact->size)));
         }
-        if (next_ == 0 && end_ == view_->bytes().size()) {
-            hash_.emplace();
-            sha256_ = artifact->sha256;
-        }
+        sha256_ = artifact->sha256;
         total_ = artifact->size;
+        if (next_ == 0 && end_ == static_cast<std::size_t>(total_)) {
+            hash_.emplace();
+        }
+    }
+
+    /// Sends the next chunk, or ends if there is none; an empty file is a chunk, too.
+    void go_on() {
+        try {
+            if (next_ < end_ || is_first_) {
+                send();
+                return;
+            }
+            check();
+        } catch (...) {
+            end(to_status(std::current_exception()));
+            return;
+        }
+        end(grpc::Status::OK);
     }
 
     void send() {
         const std::size_t size = std::min(chunk_bytes(room_.slots->taken()), end_ - next_);
-        const std::string_view bytes = view_->bytes().substr(next_, size);
         // A chunk may still be waiting to be serialized when StartWrite returns: it isn't touched
         // before OnWriteDone.
         if (std::exchange(is_first_, false)) {
@@ -286,10 +301,10 @@ private:
             chunk_.clear_total_size_bytes();
         }
         chunk_.set_offset(static_cast<std::int64_t>(next_));
-        chunk_.set_data(bytes.data(), bytes.size());
+        file_->read(static_cast<std::int64_t>(next_), size, *chunk_.mutable_data());
         next_ += size;
         if (hash_) {
-            hash_->add(bytes);
+            hash_->add(chunk_.data());
         }
         StartWrite(&chunk_);
     }
@@ -299,17 +314,18 @@ private:
         Finish(status);
     }
 
-    grpc::Status check() {
+    void check() {
         if (hash_ && hash_->finish() != sha256_) {
-            return {grpc::StatusCode::DATA_LOSS, "the stored bytes no longer have their digest"};
+            room_.artifacts.set_aside(who_.tenant, *file_);
+            throw StoreError("store: the bytes of artifact " + sha256_ + " are damaged",
+                             StoreError::Kind::Lost);
         }
-        return grpc::Status::OK;
     }
 
     const TransferRoom& room_;
     Principal who_;
     std::shared_ptr<void> slot_;
-    std::optional<ArtifactView> view_;
+    std::optional<ArtifactFile> file_;
     std::optional<Sha256> hash_;
     std::string sha256_;
     std::int64_t total_ = 0;

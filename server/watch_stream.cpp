@@ -35,7 +35,7 @@ void check_credential(const IsStillValid& is_still_valid, const Principal& who,
 }
 
 /// One call. gRPC's callbacks only set flags under the hub's mutex; all else is the hub's thread's.
-class WatchStream final : public grpc::ServerWriteReactor<v1::JobEvent> {
+class WatchStream final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
 public:
     explicit WatchStream(WatchHub& hub) : hub_(hub) {}
 
@@ -60,7 +60,8 @@ private:
     friend class WatchHub;
 
     /// The next message that the reader should get, or nothing.
-    std::optional<v1::JobEvent> next(JobRegistry& registry, std::int64_t max_backlog);
+    std::optional<WatchMessage> next(WatchNews& news, JobRegistry& registry,
+                                     std::int64_t max_backlog);
     void take_batch(JobRegistry& registry, std::int64_t last_sequence, std::int64_t max_backlog);
 
     WatchHub& hub_;
@@ -78,37 +79,35 @@ private:
     std::int64_t history_ = 0;  // sequences up to this one are sent in full
     std::int64_t skipped_ = 0;  // since the last message
     std::deque<StoredEvent> batch_;
-    v1::JobEvent message_;
+    WatchMessage message_;
     SteadyTime last_write_ = std::chrono::steady_clock::now();
     SteadyTime last_check_ = last_write_;  // whether the caller may still watch
 };
 
-std::optional<v1::JobEvent> WatchStream::next(JobRegistry& registry, std::int64_t max_backlog) {
-    const JobView view = registry.get(key_);
+std::optional<WatchMessage> WatchStream::next(WatchNews& news, JobRegistry& registry,
+                                              std::int64_t max_backlog) {
     if (!is_open_) {
         is_open_ = true;
-        v1::JobEvent event;
-        *event.mutable_snapshot() = to_proto(view);
-        *event.mutable_time() = to_proto(
-            view.job.end_time.value_or(view.job.start_time.value_or(view.job.create_time)));
-        return event;
+        return news.snapshot(key_);
     }
-    if (batch_.empty() && after_ < view.job.last_sequence) {
-        take_batch(registry, view.job.last_sequence, max_backlog);
+    const JobRecord& job = news.view(key_).job;
+    const JobState state = job.state;
+    const std::int64_t last_sequence = job.last_sequence;
+    if (batch_.empty() && after_ < last_sequence) {
+        take_batch(registry, last_sequence, max_backlog);
     }
     if (!batch_.empty()) {
-        v1::JobEvent event = to_proto(batch_.front(), view);
-        after_ = batch_.front().sequence;
+        const StoredEvent event = std::move(batch_.front());
         batch_.pop_front();
-        event.set_skipped_events(std::exchange(skipped_, 0));
-        is_complete_ = event.has_completed();
-        return event;
+        after_ = event.sequence;
+        is_complete_ = event.kind == EventKind::State && is_terminal(event.state);
+        return news.message(key_, event, std::exchange(skipped_, 0));
     }
-    if (is_terminal(view.job.state)) {
+    if (is_terminal(state)) {
         // The reader had seen the end already; it is told once more.
-        const auto last = registry.events_after(key_, view.job.last_sequence - 1, 1);
+        const auto last = registry.events_after(key_, last_sequence - 1, 1);
         is_complete_ = true;
-        return last.empty() ? std::nullopt : std::optional(to_proto(last.front(), view));
+        return last.empty() ? std::nullopt : std::optional(news.message(key_, last.front(), 0));
     }
     return std::nullopt;
 }
@@ -147,13 +146,16 @@ WatchHub::WatchHub(JobRegistry& registry, const WatchOptions& options, IsStillVa
     : registry_(registry),
       options_(options),
       is_still_valid_(std::move(is_still_valid)),
-      slots_("watches", options.max_watches, options.max_watches_of_tenant) {
+      slots_("watches", options.max_watches, options.max_watches_of_tenant),
+      bytes_("bytes of watches", options.max_bytes, options.max_bytes_of_tenant),
+      news_(registry, bytes_) {
     thread_ = std::jthread([this](std::stop_token stop) { run(std::move(stop)); });
 }
 
 WatchHub::~WatchHub() = default;
 
-grpc::ServerWriteReactor<v1::JobEvent>* WatchHub::open(Executor& executor, Admission admission) {
+grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchHub::open(Executor& executor,
+                                                           Admission admission) {
     return open_stream<WatchTarget>(
         executor, new WatchStream(*this), std::move(admission),
         [this](WatchStream& stream, const WatchTarget& target) { return start(stream, target); });
@@ -181,6 +183,7 @@ void WatchHub::notify(const JobKey& key) {
     const std::scoped_lock lock(mutex_);
     if (const auto found = streams_.find(key); found != streams_.end()) {
         awake_.insert(found->second.begin(), found->second.end());
+        changed_jobs_.insert(key);
         changed_.notify_one();
     }
 }
@@ -207,6 +210,7 @@ void WatchHub::wake(WatchStream* stream) {
 void WatchHub::run(std::stop_token stop) {
     while (!stop.stop_requested()) {
         std::set<WatchStream*> awake;
+        std::set<JobKey> changed_jobs;
         {
             std::unique_lock lock(mutex_);
             const bool is_due = changed_.wait_for(lock, stop, options_.heartbeat / 4,
@@ -217,6 +221,10 @@ void WatchHub::run(std::stop_token stop) {
                 }
             }
             awake = std::exchange(awake_, {});
+            changed_jobs = std::exchange(changed_jobs_, {});
+        }
+        for (const JobKey& key : changed_jobs) {
+            news_.expire(key);
         }
         for (WatchStream* stream : awake) {
             feed(*stream);
@@ -238,10 +246,11 @@ void WatchHub::feed(WatchStream& stream) {
             end = shutting_down_status();
         }
     }
-    std::optional<v1::JobEvent> message;
+    stream.message_ = {};  // It was sent.
+    std::optional<WatchMessage> message;
     if (!end && !stream.is_complete_) {
         try {
-            message = stream.next(registry_, options_.max_backlog);
+            message = stream.next(news_, registry_, options_.max_backlog);
             check_credential(is_still_valid_, stream.who_, options_.heartbeat, stream.last_check_);
         } catch (const std::exception&) {
             end = to_status(std::current_exception());
@@ -252,7 +261,9 @@ void WatchHub::feed(WatchStream& stream) {
     }
     if (!end && !message &&
         std::chrono::steady_clock::now() - stream.last_write_ >= options_.heartbeat) {
-        message.emplace().mutable_heartbeat();
+        v1::JobEvent heartbeat;
+        heartbeat.mutable_heartbeat();
+        message = written(heartbeat);
     }
     if (end) {
         finish(stream, *end);
@@ -262,27 +273,33 @@ void WatchHub::feed(WatchStream& stream) {
 }
 
 void WatchHub::finish(WatchStream& stream, const grpc::Status& status) {
+    bool is_last = false;
     {
         const std::scoped_lock lock(mutex_);
         const auto found = streams_.find(stream.key_);
         found->second.erase(&stream);
-        if (found->second.empty()) {
+        is_last = found->second.empty();
+        if (is_last) {
             streams_.erase(found);
+            changed_jobs_.erase(stream.key_);
         }
         awake_.erase(&stream);
+    }
+    if (is_last) {
+        news_.forget(stream.key_);
     }
     stream.slot_.reset();
     stream.Finish(status);
 }
 
-void WatchHub::write(WatchStream& stream, v1::JobEvent message) {
+void WatchHub::write(WatchStream& stream, WatchMessage message) {
     {
         const std::scoped_lock lock(mutex_);
         stream.is_writing_ = true;
     }
     stream.last_write_ = std::chrono::steady_clock::now();
     stream.message_ = std::move(message);
-    stream.StartWrite(&stream.message_);
+    stream.StartWrite(&stream.message_.bytes);
 }
 
 }  // namespace remesh

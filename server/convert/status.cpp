@@ -43,6 +43,22 @@ google::rpc::ResourceInfo resource(const std::string& type, const std::string& n
     return info;
 }
 
+google::rpc::RetryInfo retry_after(int seconds) {
+    google::rpc::RetryInfo retry;
+    retry.mutable_retry_delay()->set_seconds(seconds);
+    return retry;
+}
+
+StatusBuilder quota_failure(const std::string& subject, const std::string& description) {
+    StatusBuilder status(grpc::StatusCode::RESOURCE_EXHAUSTED, description, "LIMIT_PASSED");
+    google::rpc::QuotaFailure failure;
+    auto* violation = failure.add_violations();
+    violation->set_subject(subject);
+    violation->set_description(description);
+    status.add(failure);
+    return status;
+}
+
 grpc::Status bad_request_status(const JobError& error) {
     StatusBuilder status(grpc::StatusCode::INVALID_ARGUMENT, error.what(), "BAD_REQUEST");
     google::rpc::BadRequest details;
@@ -126,10 +142,16 @@ grpc::Status failed_status() {
 grpc::Status storage_full_status() {
     StatusBuilder status(grpc::StatusCode::RESOURCE_EXHAUSTED,
                          "the server's disk is full; nothing was changed", "STORAGE_FULL");
-    google::rpc::RetryInfo retry;
-    retry.mutable_retry_delay()->set_seconds(60);
-    status.add(retry);
+    status.add(retry_after(60));
     return status.build();
+}
+
+grpc::Status artifact_damaged_status() {
+    return StatusBuilder(grpc::StatusCode::DATA_LOSS,
+                         "the stored bytes are gone or damaged; upload them again, or run their "
+                         "job again with skip_cache",
+                         "ARTIFACT_DAMAGED")
+        .build();
 }
 
 }  // namespace
@@ -148,8 +170,12 @@ grpc::Status to_status(const std::exception_ptr& error) {
         return StatusBuilder(code_of(code), core_error.what(), reason_of(code)).build();
     } catch (const StoreError& store_error) {
         spdlog::error("event=store_failed message=\"{}\"", store_error.what());
-        return store_error.kind() == StoreError::Kind::Full ? storage_full_status()
-                                                            : failed_status();
+        switch (store_error.kind()) {
+            case StoreError::Kind::Failed: break;
+            case StoreError::Kind::Full: return storage_full_status();
+            case StoreError::Kind::Lost: return artifact_damaged_status();
+        }
+        return failed_status();
     } catch (const std::exception& other) {
         // What it says is for the operator: it may name paths.
         spdlog::error("event=call_failed message=\"{}\"", other.what());
@@ -160,9 +186,7 @@ grpc::Status to_status(const std::exception_ptr& error) {
 grpc::Status shutting_down_status() {
     StatusBuilder status(grpc::StatusCode::UNAVAILABLE, "the server is shutting down",
                          "SHUTTING_DOWN");
-    google::rpc::RetryInfo retry;
-    retry.mutable_retry_delay()->set_seconds(2);
-    status.add(retry);
+    status.add(retry_after(2));
     return status.build();
 }
 
@@ -174,12 +198,12 @@ grpc::Status artifact_not_found_status(const std::string& sha256) {
 }
 
 grpc::Status too_many_status(const std::string& subject, const std::string& description) {
-    StatusBuilder status(grpc::StatusCode::RESOURCE_EXHAUSTED, description, "LIMIT_PASSED");
-    google::rpc::QuotaFailure failure;
-    auto* violation = failure.add_violations();
-    violation->set_subject(subject);
-    violation->set_description(description);
-    status.add(failure);
+    return quota_failure(subject, description).build();
+}
+
+grpc::Status too_many_now_status(const std::string& subject, const std::string& description) {
+    StatusBuilder status = quota_failure(subject, description);
+    status.add(retry_after(1));
     return status.build();
 }
 

@@ -3,7 +3,8 @@
 namespace remesh {
 
 JobInputs::JobInputs(const ArtifactStore& artifacts, const std::string& tenant,
-                     const JobRequest& request) {
+                     const JobRequest& request)
+    : tenant_(tenant) {
     for (const std::string& digest : request.inputs()) {
         const auto known = artifacts.find(tenant, digest);
         if (!known) {
@@ -11,6 +12,12 @@ JobInputs::JobInputs(const ArtifactStore& artifacts, const std::string& tenant,
             return;
         }
         views_.push_back(artifacts.open(tenant, *known));
+    }
+}
+
+void JobInputs::verify(ArtifactStore& artifacts, const RunContext& run) const {
+    for (const ArtifactView& view : views_) {
+        artifacts.require_whole(tenant_, view, [&run] { run.checkpoint(); });
     }
 }
 

@@ -99,6 +99,11 @@ JobView JobRegistry::retry(const JobKey& key, const std::string& request_id) {
 }
 
 JobView JobRegistry::create(const NewJob& job) {
+    for (const std::string& input : job.inputs) {
+        if (!artifacts_.find_whole(job.key.tenant, input)) {
+            throw JobError(JobErrorCode::MissingInput, "the input artifact isn't there", input);
+        }
+    }
     auto creation = store_.create(job, options_.limits, clock_());
     switch (creation.verdict) {
         case Creation::Verdict::Created:

@@ -192,6 +192,7 @@ Ending run_attempt(Lease& lease, const Bench& bench, bool resumes = true) {
         if (!inputs.missing().empty()) {
             throw StoreError("store: a job's input is gone");
         }
+        inputs.verify(artifacts, run);
         DraftSink sink(artifacts, job.key.tenant);
         JobResult result;
         arena.execute([&] { result = bench.engine.run(request, inputs.files(), run, sink); });
@@ -218,6 +219,13 @@ Ending run_attempt(Lease& lease, const Bench& bench, bool resumes = true) {
         return run_attempt(lease, bench, false);
     } catch (const StoreError& error) {
         spdlog::error("event=store_failed job={} message=\"{}\"", job.key.id, error.what());
+        if (error.kind() == StoreError::Kind::Lost) {  // Waiting doesn't bring it back.
+            return {lease.fail({"STORAGE",
+                                "The stored bytes of an input no longer have their digest; upload "
+                                "it again, then retry.",
+                                true, run.stage()}),
+                    "STORAGE"};
+        }
         return {lease.postpone(), "STORE"};
     } catch (const std::bad_alloc&) {
         return {

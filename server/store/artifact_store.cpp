@@ -4,6 +4,7 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <fcntl.h>
 #include <unistd.h>
@@ -17,6 +18,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kDraftPrefix = ".draft-";
+constexpr std::string_view kDamagedPrefix = ".damaged-";
+// Bytes that are looked at between two checkpoints.
+constexpr std::size_t kBlock = std::size_t{4} << 20U;
 
 void sync_directory(const fs::path& path) {
     const int file = ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -34,6 +38,11 @@ bool is_being_written(const fs::path& draft) {
         ::close(file);
     }
     return is_locked;
+}
+
+StoreError lost(const std::string& sha256) {
+    return StoreError("store: the bytes of artifact " + sha256 + " are gone or damaged",
+                      StoreError::Kind::Lost);
 }
 
 fs::path directory_of(const fs::path& data_dir, const std::string& tenant) {
@@ -101,8 +110,32 @@ const ArtifactId& ArtifactDraft::finish() {
     return id_;
 }
 
+ArtifactFile::ArtifactFile(ArtifactFile&& other) noexcept
+    : sha256_(std::move(other.sha256_)), file_(std::exchange(other.file_, -1)) {}
+
+ArtifactFile::~ArtifactFile() {
+    if (file_ >= 0) {
+        ::close(file_);
+    }
+}
+
+void ArtifactFile::read(std::int64_t offset, std::size_t size, std::string& bytes) const {
+    bytes.resize(size);
+    for (std::size_t done = 0; done < size;) {
+        const ssize_t got = ::pread(file_, bytes.data() + done, size - done,
+                                    offset + static_cast<std::int64_t>(done));
+        if (got < 0 && errno != EINTR) {
+            fail("can't read an artifact");
+        }
+        if (got == 0) {
+            throw lost(sha256_);
+        }
+        done += got < 0 ? 0 : static_cast<std::size_t>(got);
+    }
+}
+
 ArtifactView::ArtifactView(ArtifactView&& other) noexcept
-    : bytes_(std::exchange(other.bytes_, {})) {}
+    : file_(std::move(other.file_)), bytes_(std::exchange(other.bytes_, {})) {}
 
 ArtifactView::~ArtifactView() {
     if (!bytes_.empty()) {
@@ -163,6 +196,7 @@ void ArtifactStore::publish(std::vector<ArtifactDraft> drafts,
             fail("can't put an artifact in its place");
         }
         draft.path_.clear();
+        ::unlink(damaged_path_of(draft.tenant_, draft.id_.sha256).c_str());
     }
     if (!drafts.empty()) {
         sync_directory(directory_of(data_dir_, drafts.front().tenant_));
@@ -206,24 +240,73 @@ std::optional<ArtifactId> ArtifactStore::find(const std::string& tenant,
     return store_.find_artifact(tenant, sha256);
 }
 
-ArtifactView ArtifactStore::open(const std::string& tenant, const ArtifactId& artifact) const {
-    const fs::path path = path_of(tenant, artifact.sha256);
-    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (file < 0) {
+std::optional<ArtifactId> ArtifactStore::find_whole(const std::string& tenant,
+                                                    const std::string& sha256) const {
+    auto known = find(tenant, sha256);
+    struct stat status {};
+    if (known && ::stat(path_of(tenant, sha256).c_str(), &status) != 0) {
+        if (errno != ENOENT) {
+            fail("can't look at an artifact");
+        }
+        return std::nullopt;
+    }
+    return known && status.st_size == known->size ? known : std::nullopt;
+}
+
+ArtifactFile ArtifactStore::open_file(const std::string& tenant, const ArtifactId& artifact) const {
+    ArtifactFile file(artifact.sha256,
+                      ::open(path_of(tenant, artifact.sha256).c_str(), O_RDONLY | O_CLOEXEC));
+    if (file.file_ < 0 && errno != ENOENT) {
         fail("can't open an artifact");
     }
     struct stat status {};
-    void* bytes = nullptr;
-    const bool has_size = ::fstat(file, &status) == 0 && status.st_size == artifact.size;
+    if (file.file_ < 0 || ::fstat(file.file_, &status) != 0 || status.st_size != artifact.size) {
+        throw lost(artifact.sha256);
+    }
+    return file;
+}
+
+ArtifactView ArtifactStore::open(const std::string& tenant, const ArtifactId& artifact) const {
+    ArtifactFile file = open_file(tenant, artifact);
     const auto size = static_cast<std::size_t>(artifact.size);
-    if (has_size && size > 0) {
-        bytes = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+    void* bytes = nullptr;
+    if (size > 0) {
+        bytes = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.file_, 0);
     }
-    ::close(file);
-    if (!has_size || bytes == MAP_FAILED) {
-        throw StoreError("store: an artifact doesn't have the size on record");
+    if (bytes == MAP_FAILED) {
+        fail("can't map an artifact");
     }
-    return ArtifactView({static_cast<const char*>(bytes), size});
+    return {std::move(file), {static_cast<const char*>(bytes), size}};
+}
+
+void ArtifactStore::set_aside(const std::string& tenant, const ArtifactFile& file) {
+    const Exclusive lock(*this);
+    const fs::path path = path_of(tenant, file.sha256_);
+    struct stat ours {};
+    struct stat named {};
+    // Whole bytes may have taken its place meanwhile.
+    if (::fstat(file.file_, &ours) != 0 || ::stat(path.c_str(), &named) != 0 ||
+        ours.st_ino != named.st_ino || ours.st_dev != named.st_dev) {
+        return;
+    }
+    if (::rename(path.c_str(), damaged_path_of(tenant, file.sha256_).c_str()) != 0) {
+        fail("can't set an artifact aside");
+    }
+    sync_directory(directory_of(data_dir_, tenant));
+}
+
+void ArtifactStore::require_whole(const std::string& tenant, const ArtifactView& view,
+                                  const std::function<void()>& checkpoint) {
+    Sha256 hash;
+    for (std::string_view rest = view.bytes(); !rest.empty();
+         rest.remove_prefix(std::min(kBlock, rest.size()))) {
+        checkpoint();
+        hash.add(rest.substr(0, kBlock));
+    }
+    if (hash.finish() != view.file_.sha256_) {
+        set_aside(tenant, view.file_);
+        throw lost(view.file_.sha256_);
+    }
 }
 
 void ArtifactStore::remove_unneeded(const std::string& tenant,
@@ -232,6 +315,7 @@ void ArtifactStore::remove_unneeded(const std::string& tenant,
     for (const std::string& sha256 : digests) {
         if (store_.remove_artifact(tenant, sha256)) {
             ::unlink(path_of(tenant, sha256).c_str());
+            ::unlink(damaged_path_of(tenant, sha256).c_str());
         }
     }
 }
@@ -254,7 +338,10 @@ void ArtifactStore::collect_garbage(Time before) {
         }
         const Exclusive lock(*this);
         for (const auto& file : fs::directory_iterator(directory)) {
-            const std::string name = file.path().filename().string();
+            std::string name = file.path().filename().string();
+            if (name.starts_with(kDamagedPrefix)) {
+                name.erase(0, kDamagedPrefix.size());
+            }
             if (name.starts_with(kDraftPrefix)
                     ? !is_being_written(file.path())
                     : is_sha256(name) && !find(tenant.path().filename().string(), name)) {
@@ -266,6 +353,11 @@ void ArtifactStore::collect_garbage(Time before) {
 
 fs::path ArtifactStore::path_of(const std::string& tenant, const std::string& sha256) const {
     return directory_of(data_dir_, tenant) / sha256;
+}
+
+fs::path ArtifactStore::damaged_path_of(const std::string& tenant,
+                                        const std::string& sha256) const {
+    return directory_of(data_dir_, tenant) / (std::string(kDamagedPrefix) + sha256);
 }
 
 }  // namespace remesh

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "server/store/checkpoint_files.h"
@@ -43,7 +44,27 @@ private:
     Sha256 hash_;
 };
 
-/// Bytes of an artifact, mapped for reading.
+/// The file of an artifact, open for reading.
+class ArtifactFile {
+public:
+    ArtifactFile(ArtifactFile&& other) noexcept;
+    ArtifactFile& operator=(ArtifactFile&&) = delete;
+    ~ArtifactFile();
+
+    /// Reads so many bytes from `offset`.
+    /// \throws StoreError if the disk doesn't give them, or {Lost} if there aren't as many
+    void read(std::int64_t offset, std::size_t size, std::string& bytes) const;
+
+private:
+    friend class ArtifactStore;
+    ArtifactFile(std::string sha256, int file) : sha256_(std::move(sha256)), file_(file) {}
+
+    std::string sha256_;
+    int file_;
+};
+
+/// Bytes of an artifact, mapped for reading. A disk that doesn't give them ends the process, so
+/// this is for those who may end.
 class ArtifactView {
 public:
     ArtifactView(ArtifactView&& other) noexcept;
@@ -54,8 +75,10 @@ public:
 
 private:
     friend class ArtifactStore;
-    explicit ArtifactView(std::string_view bytes) : bytes_(bytes) {}
+    ArtifactView(ArtifactFile file, std::string_view bytes)
+        : file_(std::move(file)), bytes_(bytes) {}
 
+    ArtifactFile file_;
     std::string_view bytes_;
 };
 
@@ -63,8 +86,9 @@ private:
 /// SHA-256, so that equal bytes of a tenant are one file. Which of them exist is what JobStore
 /// says.
 ///
-/// A file is written beside its place, synced and renamed: no half file is ever visible.
-/// All calls may come from any thread, and from any process that uses the data directory.
+/// A file is written beside its place, synced and renamed: no half file is ever visible, and one
+/// that was damaged is replaced as a whole. All calls may come from any thread, and from any
+/// process that uses the data directory.
 class ArtifactStore {
 public:
     ArtifactStore(std::filesystem::path data_dir, JobStore& store);
@@ -91,8 +115,24 @@ public:
 
     [[nodiscard]] std::optional<ArtifactId> find(const std::string& tenant,
                                                  const std::string& sha256) const;
-    /// \throws StoreError if the file is gone
+    /// The same if its file is there, too, and as long as it should be.
+    [[nodiscard]] std::optional<ArtifactId> find_whole(const std::string& tenant,
+                                                       const std::string& sha256) const;
+    /// \throws StoreError{Lost} if the file is gone or not as long as it should be
+    [[nodiscard]] ArtifactFile open_file(const std::string& tenant,
+                                         const ArtifactId& artifact) const;
+    /// \copydoc open_file
     [[nodiscard]] ArtifactView open(const std::string& tenant, const ArtifactId& artifact) const;
+
+    /// Puts away a file that doesn't have its digest any more, if it is still the artifact's: the
+    /// artifact isn't whole from then on, until it is published again. It is kept as
+    /// `.damaged-{sha256}` until then.
+    void set_aside(const std::string& tenant, const ArtifactFile& file);
+    /// Reads all bytes of an artifact; sets it aside if they don't have their digest.
+    /// \param checkpoint  called every few MiB
+    /// \throws StoreError{Lost} then
+    void require_whole(const std::string& tenant, const ArtifactView& view,
+                       const std::function<void()>& checkpoint);
 
     /// Deletes those that no job needs any more, record and file.
     void remove_unneeded(const std::string& tenant, const std::vector<std::string>& digests);
@@ -107,6 +147,8 @@ private:
     class Exclusive;
     [[nodiscard]] std::filesystem::path path_of(const std::string& tenant,
                                                 const std::string& sha256) const;
+    [[nodiscard]] std::filesystem::path damaged_path_of(const std::string& tenant,
+                                                        const std::string& sha256) const;
 
     std::filesystem::path data_dir_;
     JobStore& store_;

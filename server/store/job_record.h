@@ -27,6 +27,7 @@ public:
     enum class Kind {
         Failed,
         Full,  ///< The disk takes no more; what is there is whole.
+        Lost,  ///< The bytes of an artifact are gone or no longer what they were.
     };
 
     explicit StoreError(const std::string& message, Kind kind = Kind::Failed)

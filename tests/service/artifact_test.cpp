@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <sstream>
+#include <vector>
 
 #include "server/partial_uploads.h"
 #include "tests/support/full_disk.h"
@@ -16,6 +19,7 @@ namespace remesh {
 namespace {
 
 using testing::CallContext;
+using testing::detail_of;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::ScriptedEngine;
@@ -89,6 +93,18 @@ protected:
         request.set_file_name(name);
         return server_.artifacts->InspectArtifact(&context, request, inspection);
     }
+    std::vector<std::string> missing(const std::string& bytes) {
+        CallContext context;
+        v1::FindMissingArtifactsRequest request;
+        *request.add_digests() = digest_of(bytes);
+        v1::FindMissingArtifactsResponse response;
+        EXPECT_TRUE(server_.artifacts->FindMissingArtifacts(&context, request, &response).ok());
+        std::vector<std::string> digests;
+        for (const v1::Digest& digest : response.missing()) {
+            digests.push_back(digest.sha256());
+        }
+        return digests;
+    }
     std::filesystem::path artifact_file(const std::string& bytes) const {
         return server_.data_dir() / "tenants/default/artifacts" / sha256_of(bytes);
     }
@@ -107,6 +123,89 @@ TEST_F(Artifacts, GoOnWhereAnUploadBroke) {
     EXPECT_TRUE(server_.download(sha256_of(bytes), 0, 0, &all).ok());
     EXPECT_EQ(all, bytes);
     EXPECT_TRUE(upload_of(bytes).is_complete());
+}
+
+TEST_F(Artifacts, ThatWereDamagedAreMissingOnceThatIsNoticedAndCanComeAgain) {
+    const std::string bytes = some_bytes(3'000'000);
+    std::string damaged = bytes;
+    damaged[2'500'000] = static_cast<char>(~damaged[2'500'000]);
+    server_.upload(bytes);
+    std::ofstream(artifact_file(bytes)) << damaged;
+    std::string got;
+
+    EXPECT_TRUE(missing(bytes).empty()) << "only reading it tells";
+    const grpc::Status lost = server_.download(sha256_of(bytes), 0, 0, &got);
+    EXPECT_EQ(lost.error_code(), grpc::StatusCode::DATA_LOSS);
+    EXPECT_EQ(detail_of<google::rpc::ErrorInfo>(lost)->reason(), "ARTIFACT_DAMAGED");
+    EXPECT_THAT(missing(bytes), ElementsAre(sha256_of(bytes)));
+    EXPECT_FALSE(upload_of(bytes).is_complete());
+    EXPECT_EQ(server_.download(sha256_of(bytes), 0, 0, &got).error_code(),
+              grpc::StatusCode::DATA_LOSS);
+
+    v1::UploadArtifactResponse response;
+    EXPECT_TRUE(server_.upload(bytes, digest_of(bytes), &response).ok());
+    EXPECT_FALSE(response.already_present());
+    EXPECT_TRUE(missing(bytes).empty());
+    got.clear();
+    EXPECT_TRUE(server_.download(sha256_of(bytes), 0, 0, &got).ok());
+    EXPECT_EQ(got, bytes);
+}
+
+TEST_F(Artifacts, WhoseFileIsGoneOrShortAreMissing) {
+    const v1::CreateJobRequest request = server_.request_for("mesh");
+    v1::Job job;
+    for (const auto& damage :
+         {std::function([](const std::filesystem::path& file) { std::filesystem::remove(file); }),
+          std::function(
+              [](const std::filesystem::path& file) { std::filesystem::resize_file(file, 3); })}) {
+        damage(artifact_file("mesh"));
+
+        EXPECT_THAT(missing("mesh"), ElementsAre(sha256_of("mesh")));
+        EXPECT_EQ(server_.create(request, &job).error_code(),
+                  grpc::StatusCode::FAILED_PRECONDITION);
+        server_.upload("mesh");
+        ASSERT_TRUE(server_.create(request, &job).ok());
+        EXPECT_EQ(server_.watch(job.name()).back().completed().state(), v1::Job::STATE_SUCCEEDED);
+    }
+}
+
+TEST_F(Artifacts, CanBeMendedByATenantWhoMayKeepNoMore) {
+    TestServer server(
+        kCopy, [](ServerOptions& options) { options.registry.limits.max_bytes_of_tenant = 5; });
+    server.upload("bytes");
+    std::filesystem::remove(server.data_dir() / "tenants/default/artifacts" / sha256_of("bytes"));
+
+    server.upload("bytes");
+
+    std::string got;
+    EXPECT_TRUE(server.download(sha256_of("bytes"), 0, 0, &got).ok());
+}
+
+TEST_F(Artifacts, AreMendedForTheirOwnTenantAlone) {
+    TestServer server(kCopy, [](ServerOptions& options) { options.requires_credentials = true; });
+    const std::string clinic = server.token_for("clinic");
+    const std::string lab = server.token_for("lab");
+    for (const std::string& token : {clinic, lab}) {
+        server.token = token;
+        server.upload("bytes");
+    }
+    const auto file_of = [&](const std::string& tenant) {
+        return server.data_dir() / "tenants" / tenant / "artifacts" / sha256_of("bytes");
+    };
+    std::ofstream(file_of("clinic")) << "bites";
+    const auto written = std::filesystem::last_write_time(file_of("lab"));
+    std::string got;
+    v1::UploadArtifactResponse response;
+
+    EXPECT_TRUE(server.download(sha256_of("bytes"), 0, 0, &got).ok());
+    EXPECT_TRUE(server.upload("bytes", digest_of("bytes"), &response).ok());
+    EXPECT_TRUE(response.already_present());
+    server.token = clinic;
+    EXPECT_EQ(server.download(sha256_of("bytes"), 0, 0, &got).error_code(),
+              grpc::StatusCode::DATA_LOSS);
+    EXPECT_TRUE(server.upload("bytes", digest_of("bytes"), &response).ok());
+    EXPECT_FALSE(response.already_present());
+    EXPECT_EQ(std::filesystem::last_write_time(file_of("lab")), written);
 }
 
 TEST_F(Artifacts, CountTowardsTheQuotaFromTheirFirstByte) {

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -151,6 +152,7 @@ public:
         }
     }
 
+    [[nodiscard]] const std::filesystem::path& directory() const { return directory_.path(); }
     JobStore& store() { return *store_; }
     ArtifactStore& artifacts() { return *artifacts_; }
     JobRegistry& registry() { return *registry_; }

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <filesystem>
+#include <fstream>
 
 #include "core/error.h"
 #include "core/run_state.h"
@@ -241,6 +243,34 @@ TEST(JobMachine, FailsAJobThatTheStoreFailsEveryTime) {
     machine.start_workers(1);
 
     EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "STORAGE");
+}
+
+TEST(JobMachine, FailsAJobWhoseInputWasDamagedAndRunsItOnceThatIsMended) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    const ArtifactId input{sha256_of("mesh"), 4};
+    std::ofstream(machine.directory() / "tenants/clinic/artifacts" / input.sha256) << "mash";
+    machine.start_workers(1);
+
+    EXPECT_EQ(machine.wait_for(key, JobState::Failed).outcome, "STORAGE");
+    EXPECT_FALSE(machine.artifacts().find_whole("clinic", input.sha256));
+    EXPECT_EQ(code_of([&] { machine.registry().retry(key, ""); }), JobErrorCode::MissingInput);
+
+    machine.upload("mesh");
+    const JobKey again = machine.registry().retry(key, "").job.key;
+    EXPECT_EQ(machine.wait_for(again, JobState::Succeeded).attempt, 1);
+}
+
+TEST(JobMachine, FailsAJobAtOnceWhoseInputIsGone) {
+    JobMachine machine;
+    const JobKey key = machine.submit("mesh");
+    std::filesystem::remove(machine.directory() / "tenants/clinic/artifacts" / sha256_of("mesh"));
+    machine.start_workers(1);
+
+    const JobRecord job = machine.wait_for(key, JobState::Failed);
+
+    EXPECT_EQ(job.outcome, "STORAGE");
+    EXPECT_EQ(job.attempt, 1) << "waiting doesn't bring it back";
 }
 
 TEST(JobMachine, DeletesWhatIsOld) {

@@ -371,6 +371,56 @@ TEST_F(ArtifactStoreTest, NoticesAFileOfAnotherSize) {
     std::filesystem::resize_file(path_of("hello"), 3);
 
     EXPECT_THROW((void)artifacts.open("clinic", {sha256_of("hello"), 5}), StoreError);
+    EXPECT_FALSE(artifacts.find_whole("clinic", sha256_of("hello")));
+    artifacts.add(draft_of("hello"), at(2));
+    EXPECT_EQ(artifacts.open("clinic", {sha256_of("hello"), 5}).bytes(), "hello");
+}
+
+TEST_F(ArtifactStoreTest, SetsAsideWhatNoLongerHasItsDigestUntilItComesAgain) {
+    artifacts.add(draft_of("hello"), at(1));
+    const ArtifactId artifact{sha256_of("hello"), 5};
+    const auto check = [&] {
+        artifacts.require_whole("clinic", artifacts.open("clinic", artifact), [] {});
+    };
+    EXPECT_NO_THROW(check());
+    std::ofstream(path_of("hello")) << "hullo";
+    const auto aside = path_of("hello").replace_filename(".damaged-" + artifact.sha256);
+
+    EXPECT_TRUE(artifacts.find_whole("clinic", artifact.sha256)) << "its size is right";
+    EXPECT_THROW(check(), StoreError);
+    EXPECT_FALSE(artifacts.find_whole("clinic", artifact.sha256));
+    EXPECT_TRUE(artifacts.find("clinic", artifact.sha256)) << "jobs may still name it";
+    artifacts.collect_garbage(at(0));
+    EXPECT_TRUE(std::filesystem::exists(aside)) << "somebody may want to look at it";
+
+    artifacts.add(draft_of("hello"), at(2));
+    EXPECT_NO_THROW(check());
+    EXPECT_FALSE(std::filesystem::exists(aside));
+}
+
+TEST_F(ArtifactStoreTest, NeverSetsAsideWhatTookTheDamagedOnesPlace) {
+    artifacts.add(draft_of("hello"), at(1));
+    const ArtifactId artifact{sha256_of("hello"), 5};
+    std::ofstream(path_of("hello")) << "hullo";
+    const ArtifactView damaged = artifacts.open("clinic", artifact);
+    artifacts.add(draft_of("hello"), at(2));
+
+    EXPECT_THROW(artifacts.require_whole("clinic", damaged, [] {}), StoreError);
+
+    EXPECT_TRUE(artifacts.find_whole("clinic", artifact.sha256));
+    EXPECT_EQ(artifacts.open("clinic", artifact).bytes(), "hello");
+}
+
+TEST_F(ArtifactStoreTest, RemovesWhatWasSetAsideWithItsRecord) {
+    artifacts.add(draft_of("hello"), at(1));
+    std::ofstream(path_of("hello")) << "hullo";
+    EXPECT_THROW(
+        artifacts.require_whole("clinic", artifacts.open("clinic", {sha256_of("hello"), 5}), [] {}),
+        StoreError);
+
+    artifacts.remove_unneeded("clinic", {sha256_of("hello")});
+
+    EXPECT_TRUE(std::filesystem::is_empty(path_of("hello").parent_path()));
 }
 
 TEST_F(ArtifactStoreTest, CollectsStraysAndWhatNobodyEverNeeded) {
