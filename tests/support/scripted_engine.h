@@ -74,8 +74,10 @@ public:
         return problems;
     }
     [[nodiscard]] JobEstimate estimate(const JobRequest&, const JobFiles& inputs) const override {
-        return {static_cast<std::int64_t>(inputs.surface.size() + inputs.size_image.size()), 1.5,
-                1 << 20};
+        return {.triangles = 100,
+                .tets = static_cast<std::int64_t>(inputs.surface.size() + inputs.size_image.size()),
+                .cpu_seconds = 1.5,
+                .memory_bytes = 1 << 20};
     }
     JobResult run(const JobRequest& request, const JobFiles& inputs, RunContext& run,
                   OutputSink& outputs) const override {
