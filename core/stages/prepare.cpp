@@ -33,6 +33,7 @@ namespace {
 constexpr double kHoleCell = 0.6;              // Of h: cells of the grid that closes holes.
 constexpr double kHoleGap = 0.25;              // Of h: patches stop so near to the skin,
 constexpr double kRoughHoleGap = 0.5;          // and where the skin is rough.
+constexpr double kMostVariation = 1.7;         // Of edges, sqrt(3): slices four times as thick.
 constexpr double kRoughDensity = 0.85;         // Density of sharp edges from which on to smooth
 constexpr double kFineEdge = 1.6;              // unless the mean edge is longer than this times h,
 constexpr double kEvenEdges = 0.5;             // or edges vary less than this, as those of voxels,
@@ -350,7 +351,7 @@ private:
 
     Points smooth(const WindingNumber& winding) {
         const double mean_edge = result_.facts.mean_edge;
-        const double variation = result_.facts.edge_variation;
+        const double variation = std::min(result_.facts.edge_variation, kMostVariation);
         const double detail = has_coarse_stairs() ? mean_edge : h_;
         auto smoothed =
             smooth_skin(std::move(skin_), winding,

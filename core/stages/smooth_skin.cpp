@@ -96,8 +96,8 @@ private:
             const Vec3 normal = area_vector(raw_, sample[k]).normalized();
             return -normal.dot(gradient) < kRoughCosine * gradient.norm() ? 1.0 : 0.0;
         });
-        const bool is_stairs =
-            directions.size() <= kStairDirections && options_.stairs > 0.5 * options_.detail;
+        const bool is_stairs = directions.size() <= std::min(kStairDirections, n / 4) &&
+                               options_.stairs > 0.5 * options_.detail;
         return rough > kNoisyShare * kSamples && !is_stairs;
     }
 

@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,11 +32,12 @@ private:
     std::vector<std::string> written_{};
 };
 
-JobResult remesh_ball(const std::vector<MeshFormat>& formats, Files& files) {
+JobResult remesh_ball(const std::vector<MeshFormat>& formats, const RemeshOptions& options,
+                      Files& files) {
     std::ostringstream input;
     write_surface(testing::icosphere(3), MeshFormat::Ply, input);
     JobRequest request;
-    request.options.edge_length = 0.25;
+    request.options = options;
     for (const MeshFormat format : formats) {
         request.outputs.push_back({format});
     }
@@ -51,18 +53,29 @@ const JobOutput& output_of(const JobResult& result, OutputKind kind) {
 TEST(RemeshEngine, ShowsTheMeshItself) {
     Files files;
 
-    const auto result = remesh_ball({MeshFormat::Msh41}, files);
+    const auto result =
+        remesh_ball({MeshFormat::Stl}, {.edge_length = 0.036, .tetrahedra = false}, files);
 
     const auto preview = read_surface(files.of(output_of(result, OutputKind::Preview)), ".ply");
+    ASSERT_GT(result.report.after.triangles, 20'000);
     EXPECT_EQ(static_cast<std::int64_t>(preview.mesh.triangles.size()),
               result.report.after.triangles);
-    EXPECT_FALSE(files.of(output_of(result, OutputKind::PreviewTetrahedra)).empty());
+}
+
+TEST(RemeshEngine, ShowsTetsWhereNoBrowserReadsTheWantedFormat) {
+    Files files;
+
+    const auto result = remesh_ball({MeshFormat::Msh41}, {.edge_length = 0.25}, files);
+
+    EXPECT_THAT(files.of(output_of(result, OutputKind::PreviewTetrahedra)),
+                ::testing::HasSubstr("UnstructuredGrid"));
 }
 
 TEST(RemeshEngine, ShowsWhatItWroteAnywayWhereABrowserReadsThat) {
     Files files;
 
-    const auto result = remesh_ball({MeshFormat::Ply, MeshFormat::Vtu}, files);
+    const auto result =
+        remesh_ball({MeshFormat::Ply, MeshFormat::Vtu}, {.edge_length = 0.25}, files);
 
     EXPECT_EQ(output_of(result, OutputKind::Preview).artifact.sha256,
               output_of(result, OutputKind::Surface).artifact.sha256);

@@ -44,8 +44,9 @@ public:
     [[nodiscard]] bool on_boundary(Index v) const { return kinds_[at(v)] != ParticleKind::Volume; }
     /// May neither move nor go: it has tets outside of this part, or was frozen.
     [[nodiscard]] bool is_locked(Index v) const { return locked_[at(v)]; }
-    /// Dihedral sines count this many times as much as they are, beside the angles of boundary
-    /// triangles: above 1 where tets are but a means, and need only be far from flat.
+    /// In scores and stars dihedral sines count this many times as much as they are, beside the
+    /// angles of boundary triangles: above 1 where tets are but a means, and need only be far from
+    /// flat. Flips and collapses take them as they are.
     [[nodiscard]] double tet_scale() const { return tet_scale_; }
     void set_tet_scale(double scale) { tet_scale_ = scale; }
     /// Alive tets at a vertex. Adding and removing tets invalidates it.

@@ -82,7 +82,7 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
                 </div>
                 <span class="muted view-count">
                     {describe(content)}
-                    {isThinned && (source === 'live' ? ', thinned out while it runs' : `, thinned out from ${count(trianglesOf(job))}`)}
+                    {isThinned && (source === 'live' ? ', thinned out while it runs' : ', thinned out to be shown')}
                 </span>
             </div>
             <Stage
@@ -151,16 +151,13 @@ export function ViewPanel(props: { model: JobModel; job: Job }) {
     );
 }
 
-function trianglesOf(job: Job): string {
-    return job.result?.quality?.after?.triangles ?? '0';
-}
-
 function isThinner(source: Source | undefined, mesh: Mesh, model: JobModel, job: Job): boolean {
-    if (source === 'live') {
-        const known = model.samples.findLast((sample) => sample.surface_particles)?.surface_particles;
-        return mesh.positions.length / 3 < 0.9 * Number(known ?? 0);
+    if (source === 'result' && job.result?.quality?.after?.triangles) {
+        return mesh.triangles.length / 3 < Number(job.result.quality.after.triangles);
     }
-    return source === 'result' && mesh.triangles.length / 3 < Number(trianglesOf(job));
+    // While it runs, and of drafts, which have no report here, the particles tell.
+    const known = model.samples.findLast((sample) => sample.surface_particles)?.surface_particles;
+    return (source === 'live' || source === 'result') && mesh.positions.length / 3 < 0.9 * Number(known ?? 0);
 }
 
 function describe(content: Content | null): string {
