@@ -142,7 +142,7 @@ void Connection::retry(Milliseconds limit, const Attempt& attempt) {
         const auto silence = std::chrono::duration_cast<Milliseconds>(
             Clock::now() - std::max(start, last_contact_.value_or(start)));
         const bool is_hopeless = silence >= patience || (server_.is_gone && server_.is_gone());
-        if (status.error_code() != grpc::StatusCode::UNAVAILABLE || is_hopeless) {
+        if (!is_passing(status) || is_hopeless) {
             throw to_failure(status, server_.address);
         }
         if (silence >= kQuietSilence && on_silence_ && !std::exchange(is_noted, true)) {

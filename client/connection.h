@@ -35,9 +35,9 @@ struct ServerSettings {
 
 /// One server, and what to do while it can't be reached.
 ///
-/// Every call that answers UNAVAILABLE is tried again, with growing pauses, until the server has
-/// been silent for longer than the patience. All calls are safe to repeat: the contract makes them
-/// idempotent, and CreateJob carries a request id.
+/// Every call that answers UNAVAILABLE, or that others do too much at a time, is tried again, with
+/// growing pauses, until the server has been of no use for longer than the patience. All calls are
+/// safe to repeat: the contract makes them idempotent, and CreateJob carries a request id.
 class Connection {
 public:
     using Attempt = std::function<grpc::Status(grpc::ClientContext&)>;

@@ -94,4 +94,10 @@ std::optional<std::chrono::milliseconds> retry_delay(const grpc::Status& status)
            std::chrono::milliseconds(details->retry_delay().nanos() / 1'000'000);
 }
 
+bool is_passing(const grpc::Status& status) {
+    return status.error_code() == grpc::StatusCode::UNAVAILABLE ||
+           (status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retry_delay(status) &&
+            detail_of<google::rpc::QuotaFailure>(status));
+}
+
 }  // namespace remesh::client

@@ -2,7 +2,9 @@
 
 #include <grpcpp/support/status.h>
 
+#include <cstddef>
 #include <exception>
+#include <string>
 #include <utility>
 
 #include "server/auth/principal.h"
@@ -31,6 +33,15 @@ Stream* open_stream(Executor& executor, Stream* stream, Admission admission, Sta
         }
     });
     return stream;
+}
+
+/// What opens a stream is kept until it ends, and is small unless somebody means harm.
+/// \throws JobError{BadRequest} if it takes more than 64 KiB
+inline void require_small_request(std::size_t bytes) {
+    constexpr std::size_t kMaxBytes = 65'536;
+    if (bytes > kMaxBytes) {
+        refuse("request", "must take at most 65536 bytes, got " + std::to_string(bytes));
+    }
 }
 
 /// Of a stream whose caller may no longer follow.

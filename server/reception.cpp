@@ -3,11 +3,29 @@
 #include <utility>
 
 namespace remesh {
+namespace {
+
+/// Frees what a message holds: clearing alone keeps the room of its strings and lists.
+void free_content(google::protobuf::Message& message) {
+    const std::unique_ptr<google::protobuf::Message> empty(message.New());
+    message.GetReflection()->Swap(&message, empty.get());
+}
+
+}  // namespace
 
 /// A call until its reply was sent, which may take for ever.
 class Reception::Reactor final : public grpc::ServerUnaryReactor {
 public:
     void OnDone() override { delete this; }
+
+    /// Ends a call without a reply. To read that may take for ever, too, so it keeps nothing.
+    void turn_down(const Call& what, const grpc::Status& status) {
+        // gRPC made it for this call, and nobody reads it any more.
+        free_content(const_cast<google::protobuf::Message&>(*what.request));
+        free_content(*what.reply);
+        request.reset();
+        Finish(status);
+    }
 
     // The executors', one after the other, until it is finished.
     std::string tenant{};
@@ -50,7 +68,7 @@ grpc::ServerUnaryReactor* Reception::receive(
                 place = take(who.tenant);
             });
         if (!status.ok()) {
-            reactor->Finish(status);
+            reactor->turn_down(call, status);
             return;
         }
         executor.post([this, reactor, call, rule, handler, place = std::move(place)]() mutable {
@@ -69,13 +87,15 @@ void Reception::run(Reactor& reactor, const Call& call, const Rule& rule, const 
             bytes_.require_room(who.tenant);
             handler(who, subject);
         });
-    if (status.ok()) {
-        // It is kept twice, as it is and as it will be sent.
-        reactor.reply = bytes_.hold(
-            reactor.tenant,
-            static_cast<std::int64_t>(call.reply->SpaceUsedLong() + call.reply->ByteSizeLong()));
-    }
     place.reset();  // Before the answer, so that whoever gets it finds it free.
+    if (!status.ok()) {
+        reactor.turn_down(call, status);
+        return;
+    }
+    // It is kept twice, as it is and as it will be sent.
+    reactor.reply = bytes_.hold(
+        reactor.tenant,
+        static_cast<std::int64_t>(call.reply->SpaceUsedLong() + call.reply->ByteSizeLong()));
     reactor.Finish(status);
 }
 

@@ -6,6 +6,7 @@
 #include "server/artifact_service.h"
 #include "server/call.h"
 #include "server/convert.h"
+#include "server/open_stream.h"
 #include "server/version.h"
 
 namespace remesh {
@@ -168,8 +169,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
     grpc::ByteBuffer copy(*bytes);
     const bool is_read =
         grpc::SerializationTraits<v1::WatchJobRequest>::Deserialize(&copy, &request).ok();
+    request.DiscardUnknownFields();
     return watches_.open(executor_, [=, this](WatchTarget& target) {
         return guarded(gate_, *context, kWatch, [&](const Principal& who, std::string&) {
+            require_small_request(bytes->Length());
             if (!is_read) {
                 refuse("request", "must be a WatchJobRequest");
             }
@@ -183,9 +186,10 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
 
 grpc::ServerWriteReactor<v1::QueueEvent>* JobService::WatchQueue(
     grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) {
-    return queue_watches_.open(executor_, [=, this, request = *request](Principal& caller) {
+    return queue_watches_.open(executor_, [=, this](Principal& caller) {
         return guarded(gate_, *context, kWatchQueue, [&](const Principal& who, std::string&) {
-            require_own(who.tenant, request.parent());
+            require_small_request(request->SpaceUsedLong());
+            require_own(who.tenant, request->parent());
             caller = who;
         });
     });

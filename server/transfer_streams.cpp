@@ -248,6 +248,7 @@ public:
 private:
     void open(const std::string& tenant, const v1::DownloadArtifactRequest& request,
               std::string& subject) {
+        require_small_request(request.SpaceUsedLong());
         require_sha256(request.sha256(), "sha256");
         subject = request.sha256();
         if (request.offset() < 0 || request.limit() < 0) {

@@ -99,12 +99,18 @@ JobView JobRegistry::retry(const JobKey& key, const std::string& request_id) {
 }
 
 JobView JobRegistry::create(const NewJob& job) {
-    for (const std::string& input : job.inputs) {
-        if (!artifacts_.find_whole(job.key.tenant, input)) {
-            throw JobError(JobErrorCode::MissingInput, "the input artifact isn't there", input);
-        }
+    const auto damaged = std::find_if(
+        job.inputs.begin(), job.inputs.end(),
+        [&](const std::string& input) { return !artifacts_.find_whole(job.key.tenant, input); });
+    const bool is_whole = damaged == job.inputs.end();
+    QueueLimits limits = options_.limits;
+    if (!is_whole) {
+        limits.max_queued = 0;  // Nothing new, but a repeated request still gets its job.
     }
-    auto creation = store_.create(job, options_.limits, clock_());
+    auto creation = store_.create(job, limits, clock_());
+    if (!is_whole && creation.verdict == Creation::Verdict::QueueFull) {
+        throw JobError(JobErrorCode::MissingInput, "the input artifact isn't there", *damaged);
+    }
     switch (creation.verdict) {
         case Creation::Verdict::Created:
         case Creation::Verdict::Repeated: break;

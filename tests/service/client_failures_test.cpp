@@ -135,6 +135,51 @@ TEST_F(Client, WaitsAsLongAsABusyServerAsks) {
     EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::seconds(1));
 }
 
+grpc::Status too_much_at_a_time() {
+    google::rpc::Status status;
+    status.set_code(grpc::StatusCode::RESOURCE_EXHAUSTED);
+    status.set_message("a tenant has at most 10 bytes of calls at a time");
+    google::rpc::QuotaFailure limit;
+    limit.add_violations()->set_subject("tenants/default/bytes of calls");
+    status.add_details()->PackFrom(limit);
+    google::rpc::RetryInfo retry;
+    retry.mutable_retry_delay()->set_nanos(1'000'000);
+    status.add_details()->PackFrom(retry);
+    return {grpc::StatusCode::RESOURCE_EXHAUSTED, status.message(), status.SerializeAsString()};
+}
+
+TEST_F(Client, GoesOnWhenOthersDidTooMuchAtATime) {
+    server_.create_errors = {too_much_at_a_time(), too_much_at_a_time()};
+    server_.events_before_break = 3;
+    server_.break_error = too_much_at_a_time();
+
+    const auto result = remesh({"run", input_, "-o", "a.vtu"});
+
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_THAT(server_.creates(), SizeIs(3));
+    EXPECT_THAT(server_.watches(), ElementsAre(0, 3));
+}
+
+TEST_F(Client, EndsWithSevenWhenOthersDoTooMuchForLongerThanItsPatience) {
+    server_.create_errors = {100, too_much_at_a_time()};
+
+    const auto result = remesh({"--timeout", "0.1", "submit", input_});
+
+    EXPECT_EQ(result.exit_code, 7);
+    EXPECT_THAT(result.last_error_line(), HasSubstr("bytes of calls at a time"));
+    EXPECT_GE(server_.creates().size(), 2U);
+}
+
+TEST_F(Client, DoesntWaitForAFullDisk) {
+    google::rpc::RetryInfo details;
+    details.mutable_retry_delay()->set_seconds(60);
+    server_.create_errors = {
+        status_with(grpc::StatusCode::RESOURCE_EXHAUSTED, "the server's disk is full", details)};
+
+    EXPECT_EQ(remesh({"submit", input_}).exit_code, 7);
+    EXPECT_THAT(server_.creates(), SizeIs(1));
+}
+
 TEST_F(Client, EndsWithThreeWhenTheInputCantBeRead) {
     const auto result = remesh({"run", "missing.stl"});
 

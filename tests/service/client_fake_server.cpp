@@ -224,7 +224,7 @@ grpc::Status FakeServer::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     writer->Write(event);
     for (int sequence = 1; sequence <= 5; ++sequence) {
         if (breaks && sequence > events_before_break) {
-            return {grpc::StatusCode::UNAVAILABLE, "shutting down"};
+            return break_error;
         }
         if (sequence > request->after_sequence()) {
             event.set_sequence(sequence);

@@ -35,7 +35,8 @@ public:
     std::string failing_content{};  ///< Inputs with these bytes fail; empty: `outcome` for all.
     std::deque<grpc::Status> create_errors{};  ///< Answers of the first CreateJob calls.
     int events_before_break = 0;               ///< > 0: the first watch breaks after so many.
-    std::int64_t bytes_before_break = 0;       ///< > 0: the first download breaks after so many.
+    grpc::Status break_error{grpc::StatusCode::UNAVAILABLE, "shutting down"};  ///< With this.
+    std::int64_t bytes_before_break = 0;  ///< > 0: the first download breaks after so many.
     bool corrupts_downloads = false;
     double chosen_edge_length = 1.25;
     bool keeps_first_created = true;  ///< False: the first CreateJob makes the job, then fails.
