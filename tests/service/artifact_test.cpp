@@ -151,6 +151,18 @@ TEST_F(Artifacts, ThatWereDamagedAreMissingOnceThatIsNoticedAndCanComeAgain) {
     EXPECT_EQ(got, bytes);
 }
 
+TEST_F(Artifacts, ArentSentForAnEnormousRequest) {
+    v1::DownloadArtifactRequest request;
+    request.set_sha256(std::string(100'000, '0'));
+    v1::DownloadArtifactResponse chunk;
+    CallContext context(server_.token);
+    const auto stream = server_.artifacts->DownloadArtifact(&context, request);
+    EXPECT_FALSE(stream->Read(&chunk));
+    const grpc::Status status = stream->Finish();
+    EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+    EXPECT_THAT(status.error_message(), HasSubstr("request must take at most 65536 bytes"));
+}
+
 TEST_F(Artifacts, WhoseFileIsGoneOrShortAreMissing) {
     const v1::CreateJobRequest request = server_.request_for("mesh");
     v1::Job job;
@@ -167,6 +179,20 @@ TEST_F(Artifacts, WhoseFileIsGoneOrShortAreMissing) {
         ASSERT_TRUE(server_.create(request, &job).ok());
         EXPECT_EQ(server_.watch(job.name()).back().completed().state(), v1::Job::STATE_SUCCEEDED);
     }
+}
+
+TEST_F(Artifacts, ThatAreGoneDontHideTheJobOfARepeatedRequest) {
+    v1::CreateJobRequest request = server_.request_for("mesh");
+    request.set_request_id("r");
+    v1::Job first;
+    ASSERT_TRUE(server_.create(request, &first).ok());
+    std::filesystem::remove(artifact_file("mesh"));
+
+    v1::Job again;
+    EXPECT_TRUE(server_.create(request, &again).ok());
+    EXPECT_EQ(again.name(), first.name());
+    request.set_request_id("s");
+    EXPECT_EQ(server_.create(request, &again).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
 }
 
 TEST_F(Artifacts, CanBeMendedByATenantWhoMayKeepNoMore) {

@@ -216,5 +216,25 @@ TEST(WatchTest, LimitsWhatATenantLeavesUnreadOfItsJobs) {
     EXPECT_TRUE(HeldWatch(server, of_lab).finish().ok()) << "it has its own";
 }
 
+TEST(WatchTest, RefusesAnEnormousRequest) {
+    TestServer server(kCopy);
+    const std::string enormous(100'000, 'x');
+
+    const grpc::Status of_job = HeldWatch(server, enormous).finish();
+    CallContext context(server.token);
+    v1::WatchQueueRequest request;
+    request.set_parent(enormous);
+    const auto stream = server.jobs->WatchQueue(&context, request);
+    v1::QueueEvent event;
+    EXPECT_FALSE(stream->Read(&event));
+    const grpc::Status of_queue = stream->Finish();
+
+    for (const grpc::Status& status : {of_job, of_queue}) {
+        EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+        EXPECT_EQ(status.error_message().find("request must take at most 65536 bytes"), 0U)
+            << status.error_message();
+    }
+}
+
 }  // namespace
 }  // namespace remesh
