@@ -40,7 +40,8 @@ Stream* open_stream(Executor& executor, Stream* stream, Admission admission, Sta
 inline void require_small_request(std::size_t bytes) {
     constexpr std::size_t kMaxBytes = 65'536;
     if (bytes > kMaxBytes) {
-        refuse("request", "must take at most 65536 bytes, got " + std::to_string(bytes));
+        refuse("request", "must take at most " + std::to_string(kMaxBytes) + " bytes, got " +
+                              std::to_string(bytes));
     }
 }
 

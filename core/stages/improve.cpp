@@ -44,6 +44,11 @@ Plan plan_for(const ImproveOptions& options) {
     return {options.power, kWorstFirstGoal, kThoroughGoal, kWorstFirstPasses};
 }
 
+// For the surface alone a dihedral of a third of a degree is good enough.
+double tet_scale(Aim aim) {
+    return aim == Aim::Surface ? 100.0 : 1.0;
+}
+
 // Counts of the radius ratio, fine enough for quantiles.
 class QualityCounts {
 public:
@@ -122,9 +127,10 @@ public:
           plan_(plan_for(options)),
           run_(run),
           part_(improve::cut_part(
-              carved, aim == Aim::Surface
-                          ? improve::at_boundary(carved, frozen)
-                          : improve::near_boundary(carved, frozen, options.flip_below, run))),
+              carved,
+              aim == Aim::Surface ? improve::at_boundary(carved, frozen)
+                                  : improve::near_boundary(carved, frozen, options.flip_below, run),
+              tet_scale(aim))),
           untouched_(count_quality(
               carved.mesh.tets.size(),
               [&](std::size_t t) { return part_.is_inside[t] ? nullptr : &carved.mesh.tets[t]; },
@@ -222,11 +228,8 @@ improve::WorstFirstResult thaw(improve::Assembled& all, std::vector<std::uint8_t
     constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
     frozen.resize(all.mesh.vertices.size(), 0);
     const improve::Whole whole{all.mesh, all.kind, all.anchor};
-    auto cut = improve::around(whole, with_ring(frozen, all.mesh.tets));
-    if (aim == Aim::Surface) {
-        cut.tet_scale = improve::kSurfaceOnlyTetScale;
-    }
-    auto part = improve::cut_part(whole, std::move(cut));
+    auto part = improve::cut_part(whole, improve::around(whole, with_ring(frozen, all.mesh.tets)),
+                                  tet_scale(aim));
     improve::WorstFirstResult done;
     if (part.mesh.slot_count() > kMostTets) {
         return done;

@@ -136,9 +136,7 @@ Cut near_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen, d
 
 Cut at_boundary(const Whole& whole, const std::vector<std::uint8_t>& frozen) {
     constexpr std::uint8_t kShallow = 2;
-    Cut cut = cut_at(whole, depths(whole, kShallow - 1), kShallow, frozen);
-    cut.tet_scale = kSurfaceOnlyTetScale;
-    return cut;
+    return cut_at(whole, depths(whole, kShallow - 1), kShallow, frozen);
 }
 
 Cut around(const Whole& whole, const std::vector<std::uint8_t>& wanted) {
@@ -154,7 +152,7 @@ Cut around(const Whole& whole, const std::vector<std::uint8_t>& wanted) {
     return cut;
 }
 
-Part cut_part(const Whole& whole, Cut cut) {
+Part cut_part(const Whole& whole, Cut cut, double tet_scale) {
     const auto& tets = whole.mesh.tets;
     Part part;
     part.is_inside = std::move(cut.is_inside);
@@ -169,7 +167,7 @@ Part cut_part(const Whole& whole, Cut cut) {
 
     part.origin = along_curve(whole.mesh.vertices, used);
     std::vector<Index> local(whole.mesh.vertices.size(), kNone);
-    part.mesh.set_tet_scale(cut.tet_scale);
+    part.mesh.set_tet_scale(tet_scale);
     part.mesh.reserve(part.origin.size(), count);
     for (const Index v : part.origin) {
         local[at(v)] = part.mesh.add_vertex(whole.mesh.vertices[at(v)], whole.kind[at(v)],

@@ -15,16 +15,11 @@ struct Whole {
     const std::vector<Index>& anchor;       ///< At least #V.
 };
 
-/// Of LiveMesh, where the surface alone is wanted: a dihedral of a third of a degree is good
-/// enough.
-inline constexpr double kSurfaceOnlyTetScale = 100.0;
-
 /// Which tets to cut out.
 struct Cut {
     std::vector<std::uint8_t> is_inside{};  ///< Per tet.
     std::vector<std::uint8_t> is_locked{};  ///< Per vertex: must neither move nor go. All vertices
                                             ///< that have tets outside are.
-    double tet_scale = 1.0;                 ///< See LiveMesh.
 };
 
 /// The tets near the boundary and the bad ones elsewhere: all others are fine and stay as they are.
@@ -45,7 +40,8 @@ struct Part {
     std::vector<Index> origin{};  ///< Vertex of the whole mesh of each vertex of the part.
     std::vector<std::uint8_t> is_inside{};  ///< Per tet of the whole mesh.
 };
-[[nodiscard]] Part cut_part(const Whole& whole, Cut cut);
+/// \param tet_scale  see LiveMesh
+[[nodiscard]] Part cut_part(const Whole& whole, Cut cut, double tet_scale = 1.0);
 
 /// The whole mesh with the part put back: the same vertices, then those that were inserted.
 struct Assembled {
