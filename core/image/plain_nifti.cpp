@@ -114,17 +114,19 @@ public:
     /// ITK's matrices abort the process where they aren't finite, also after division by a length.
     void require_good_geometry() const {
         bool is_good = true;
-        for (std::size_t d = 1; d <= 3; ++d) {
-            is_good = is_good && is_length(at<float>(kSpacing + 4 * d));
-            is_good = is_good && std::abs(at<float>(kQuaternion + 4 * (d - 1))) <= 1.0F;
-            is_good = is_good && std::abs(at<float>(kOffset + 4 * (d - 1))) <= kLongest;
+        for (std::size_t d = 0; d < 3; ++d) {
+            is_good = is_good && is_length(at<float>(kSpacing + 4 * (d + 1)));
+            is_good = is_good && std::abs(at<float>(kQuaternion + 4 * d)) <= 1.0F;
+            is_good = is_good && std::abs(at<float>(kOffset + 4 * d)) <= kLongest;
         }
-        for (std::size_t column = 0; column < 4; ++column) {
-            const float length =
-                std::hypot(at<float>(kRows + 4 * column), at<float>(kRows + 16 + 4 * column),
-                           at<float>(kRows + 32 + 4 * column));
-            const bool may_vanish = column == 3 || at<std::int16_t>(kRowsCode) == 0;
-            is_good = is_good && (may_vanish ? length <= kLongest : is_length(length));
+        for (std::size_t i = 0; i < 12; ++i) {
+            is_good = is_good && std::abs(at<float>(kRows + 4 * i)) <= kLongest;
+        }
+        for (std::size_t column = 0; column < 3 && at<std::int16_t>(kRowsCode) != 0; ++column) {
+            // Each is finite by now: std::hypot of three doesn't always see one that is not.
+            is_good = is_good && is_length(std::hypot(at<float>(kRows + 4 * column),
+                                                      at<float>(kRows + 16 + 4 * column),
+                                                      at<float>(kRows + 32 + 4 * column)));
         }
         if (!is_good) {
             throw Error(ErrorCode::InvalidInput,

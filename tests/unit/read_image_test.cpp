@@ -340,6 +340,84 @@ TEST(ReadSizeImage, RefusesNiftiThatDoesNotSayWhereItIs) {
                ErrorCode::InvalidInput);
 }
 
+// ITK aborts the process on some. std::hypot of three takes no notice of a NaN beside two zeros.
+TEST(ReadSizeImage, SurvivesEachBadNumberOfANiftiHeader) {
+    const std::string voxels = counted_voxels<float>();
+    const float inf = std::numeric_limits<float>::infinity();
+    const std::array<float, 8> bad{
+        std::numeric_limits<float>::quiet_NaN(), inf, -inf, 1e30F, -1e9F, 1e-40F, 0.0F, -1.0F};
+    std::vector<std::size_t> places;
+    for (std::size_t place = 76; place < 108; place += 4) {
+        places.push_back(place);  // pixdim
+    }
+    for (std::size_t place = 256; place < 328; place += 4) {
+        places.push_back(place);  // qform and sform
+    }
+    int refused = 0;
+
+    for (const std::size_t place : places) {
+        for (const float number : bad) {
+            for (std::int16_t codes = 0; codes < 4; ++codes) {
+                Nifti file;
+                if ((codes & 1) != 0) {
+                    file.sform({{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}});
+                }
+                file.set<std::int16_t>(252, static_cast<std::int16_t>(codes >> 1));
+                file.set<float>(place, number);
+                try {
+                    const SizeImage image = read_size_image(file.with(voxels));
+                    EXPECT_TRUE(image.axes.allFinite() && image.origin.allFinite());
+                } catch (const Error&) {
+                    ++refused;
+                }
+            }
+        }
+    }
+
+    EXPECT_GT(refused, 300);
+}
+
+TEST(ReadSizeImage, SurvivesEachBadNumberOfATextHeader) {
+    const std::string voxels = counted_voxels<float>();
+    const std::vector<std::string> axes{"1", "0", "0", "0", "1", "0", "0", "0", "1"};
+    int refused = 0;
+    const auto feed = [&](const std::string& bytes) {
+        try {
+            const SizeImage image = read_size_image(bytes);
+            EXPECT_TRUE(image.axes.allFinite() && image.origin.allFinite());
+            EXPECT_TRUE(image.spacing.allFinite());
+        } catch (const Error&) {
+            ++refused;
+        }
+    };
+
+    for (const std::string number :
+         {"nan", "inf", "-inf", "1e300", "1e-300", "0", "none", "1e999"}) {
+        for (std::size_t i = 0; i < axes.size(); ++i) {
+            std::vector<std::string> a = axes;
+            a[i] = number;
+            feed(nrrd("space: left-posterior-superior\nspace directions: (" + a[0] + ',' + a[1] +
+                          ',' + a[2] + ") (" + a[3] + ',' + a[4] + ',' + a[5] + ") (" + a[6] + ',' +
+                          a[7] + ',' + a[8] + ")\nspace origin: (0,0,0)\nencoding: raw",
+                      voxels));
+            std::string matrix = "TransformMatrix =";
+            for (const std::string& entry : a) {
+                matrix += ' ' + entry;
+            }
+            feed(meta(matrix + "\nOffset = 1 2 3\nElementSpacing = 1 1 1\n", voxels));
+        }
+        feed(
+            nrrd("space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n"
+                 "space origin: (" +
+                     number + ",0,0)\nencoding: raw",
+                 voxels));
+        feed(meta("Offset = 1 2 " + number + "\nElementSpacing = 1 1 1\n", voxels));
+        feed(meta("Offset = 1 2 3\nElementSpacing = 1 " + number + " 1\n", voxels));
+    }
+
+    EXPECT_GT(refused, 60);
+}
+
 // Each prefix, and each file with one byte turned: a lattice or an Error, never more.
 TEST(ReadSizeImage, SurvivesDamagedFiles) {
     const std::string voxels = counted_voxels<float>();
