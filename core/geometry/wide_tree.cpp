@@ -1,15 +1,19 @@
 #include "core/geometry/wide_tree.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 namespace remesh {
 namespace {
 
 constexpr int kBins = 16;
-constexpr std::int32_t kMedianBelow = 64;  // Few triangles: full leaves matter more than areas.
-constexpr int kMaxSahDepth = 48;           // Beyond it only halves, so that the depth is bounded.
-constexpr float kPad = 2.5e-7F;            // More than the rounding of a float in [-1, 1].
+constexpr std::int32_t kMedianBelow = 64;   // Few triangles: full leaves matter more than areas.
+constexpr int kMaxSahDepth = 48;            // Beyond it only halves, so that the depth is bounded.
+constexpr std::int32_t kSideBySide = 8192;  // Parts of more triangles are built side by side.
+constexpr float kPad = 2.5e-7F;             // More than the rounding of a float in [-1, 1].
 
 struct BoxF {
     Eigen::Array3f low = Eigen::Array3f::Constant(std::numeric_limits<float>::infinity());
@@ -43,34 +47,63 @@ struct Range {
     [[nodiscard]] std::int32_t size() const { return end - begin; }
 };
 
+// Nodes and leaves in the order of a depth-first walk, numbered from 0.
+struct Subtree {
+    std::vector<WideTree::Node> nodes{};
+    std::vector<std::int32_t> leaf_begin{};
+    std::vector<Index> order{};
+
+    // Adds one whose root hangs below a node here. Returns what points to it.
+    std::int32_t append(const Subtree& other) {
+        const auto node = static_cast<std::int32_t>(nodes.size());
+        const auto leaf = static_cast<std::int32_t>(leaf_begin.size());
+        const auto first = static_cast<std::int32_t>(order.size());
+        for (WideTree::Node copy : other.nodes) {
+            for (std::int32_t& child : copy.child) {
+                if (child != WideTree::kEmpty) {
+                    child = child >= 0 ? child + node : ~(~child + leaf);
+                }
+            }
+            nodes.push_back(copy);
+        }
+        for (const std::int32_t begin : other.leaf_begin) {
+            leaf_begin.push_back(begin + first);
+        }
+        order.insert(order.end(), other.order.begin(), other.order.end());
+        return other.nodes.empty() ? ~leaf : node;
+    }
+};
+
 class Builder {
 public:
-    Builder(WideTree& tree, std::vector<Item> items, std::int32_t leaf_size)
-        : tree_(tree), items_(std::move(items)), leaf_size_(leaf_size) {}
+    Builder(std::vector<Item> items, std::int32_t leaf_size)
+        : items_(std::move(items)), leaf_size_(leaf_size) {}
 
-    void build() {
+    Subtree build() {
         const auto n = static_cast<std::int32_t>(items_.size());
-        tree_.nodes.reserve(items_.size() / 8 + 1);
-        tree_.leaf_begin.reserve(items_.size() / 3 + 2);
-        tree_.order.reserve(items_.size());
-        add_node({0, n}, 0);
-        tree_.leaf_begin.push_back(n);
+        Subtree tree;
+        tree.nodes.reserve(items_.size() / 8 + 1);
+        tree.leaf_begin.reserve(items_.size() / 3 + 2);
+        tree.order.reserve(items_.size());
+        add_node(tree, {0, n}, 0);
+        tree.leaf_begin.push_back(n);
+        return tree;
     }
 
 private:
-    std::int32_t add(Range range, int depth) {
+    std::int32_t add(Subtree& tree, Range range, int depth) {
         if (range.size() > leaf_size_) {
-            return add_node(range, depth);
+            return add_node(tree, range, depth);
         }
-        const auto leaf = static_cast<std::int32_t>(tree_.leaf_begin.size());
-        tree_.leaf_begin.push_back(static_cast<std::int32_t>(tree_.order.size()));
+        const auto leaf = static_cast<std::int32_t>(tree.leaf_begin.size());
+        tree.leaf_begin.push_back(static_cast<std::int32_t>(tree.order.size()));
         for (std::int32_t i = range.begin; i != range.end; ++i) {
-            tree_.order.push_back(items_[static_cast<std::size_t>(i)].triangle);
+            tree.order.push_back(items_[static_cast<std::size_t>(i)].triangle);
         }
         return ~leaf;
     }
 
-    std::int32_t add_node(Range range, int depth) {
+    std::int32_t add_node(Subtree& tree, Range range, int depth) {
         std::array<Range, 4> parts{};
         std::size_t count = 0;
         if (range.size() <= leaf_size_) {
@@ -87,18 +120,32 @@ private:
                 }
             }
         }
-        const std::size_t index = tree_.nodes.size();
-        tree_.nodes.emplace_back();
+        const std::size_t index = tree.nodes.size();
+        tree.nodes.emplace_back();
+        std::array<std::int32_t, 4> child{WideTree::kEmpty, WideTree::kEmpty, WideTree::kEmpty,
+                                          WideTree::kEmpty};
+        if (range.size() > kSideBySide) {
+            std::array<Subtree, 4> subtrees;
+            tbb::parallel_for(std::size_t{0}, count,
+                              [&](std::size_t k) { add(subtrees[k], parts[k], depth + 2); });
+            for (std::size_t k = 0; k < count; ++k) {
+                child[k] = tree.append(subtrees[k]);
+                subtrees[k] = {};
+            }
+        } else {
+            for (std::size_t k = 0; k < count; ++k) {
+                child[k] = add(tree, parts[k], depth + 2);
+            }
+        }
+        auto& node = tree.nodes[index];
         for (std::size_t k = 0; k < 4; ++k) {
             const BoxF box = k < count ? box_of(parts[k]) : BoxF{};
-            const std::int32_t child = k < count ? add(parts[k], depth + 2) : WideTree::kEmpty;
-            auto& node = tree_.nodes[index];
             const auto lane = static_cast<Eigen::Index>(k);
             for (std::size_t d = 0; d < 3; ++d) {
                 node.low[d][lane] = box.low[static_cast<Eigen::Index>(d)];
                 node.high[d][lane] = box.high[static_cast<Eigen::Index>(d)];
             }
-            node.child[k] = child;
+            node.child[k] = child[k];
         }
         return static_cast<std::int32_t>(index);
     }
@@ -188,7 +235,6 @@ private:
         return best;
     }
 
-    WideTree& tree_;
     std::vector<Item> items_;
     std::int32_t leaf_size_;
 };
@@ -221,7 +267,10 @@ WideTree build_wide_tree(const Points& vertices, const std::vector<Triangle>& tr
         items[i].box.low -= kPad;
         items[i].box.high += kPad;
     }
-    Builder(tree, std::move(items), leaf_size).build();
+    Subtree built = Builder(std::move(items), leaf_size).build();
+    tree.nodes = std::move(built.nodes);
+    tree.leaf_begin = std::move(built.leaf_begin);
+    tree.order = std::move(built.order);
     return tree;
 }
 

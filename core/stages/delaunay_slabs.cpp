@@ -17,7 +17,7 @@ namespace remesh {
 namespace {
 
 constexpr double kLayers = 2.5;               // Of points that a slab sees beyond its own.
-constexpr std::size_t kLeastPoints = 20'000;  // Of a slab that is worth a thread.
+constexpr std::size_t kLeastPoints = 10'000;  // Of a slab that is worth a thread.
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t points_in_layers(std::size_t points) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -137,6 +138,11 @@ public:
     [[nodiscard]] std::size_t size() const { return until_.size(); }
     /// Particles wanted on pieces 0 to k.
     [[nodiscard]] double until(std::size_t k) const { return until_[k]; }
+    /// First piece up to which at least `sum` particles are wanted, or the last one.
+    [[nodiscard]] std::size_t piece_at(double sum) const {
+        const auto found = std::lower_bound(until_.begin(), until_.end() - 1, sum);
+        return static_cast<std::size_t>(found - until_.begin());
+    }
     [[nodiscard]] double wanted() const { return until_.empty() ? 0.0 : until_.back(); }
     [[nodiscard]] Piece piece(std::size_t k) const {
         return pieces_.empty() ? whole_facet(surface_, k, sizing_.h_max()) : pieces_[k];
@@ -191,24 +197,49 @@ public:
           grid_(grid),
           first_(particles.size()) {}
 
-    // One dart for every particle wanted, each somewhere in its own equal share of the area.
-    void throw_round(const DartBoard& board, int round) {
-        const auto darts = static_cast<std::uint64_t>(std::ceil(board.wanted()));
+    // One dart for every particle wanted, each somewhere in its own equal share of the area. Those
+    // that hit what was there before the round are sorted out side by side, the others in turn.
+    void throw_round(const DartBoard& board, int round, const RunContext& run) {
+        const auto darts = static_cast<std::size_t>(std::ceil(board.wanted()));
         const std::uint64_t seed =
             hash_bits(options_.seed * 64 + static_cast<std::uint64_t>(round));
-        std::size_t k = 0;
-        for (std::uint64_t dart = 0; dart < darts; ++dart) {
-            const double at_sum = (static_cast<double>(dart) + hash_random(seed, dart, 0)) *
-                                  board.wanted() / static_cast<double>(darts);
-            while (k + 1 < board.size() && board.until(k) < at_sum) {
-                ++k;
+        std::vector<std::vector<Dart>> blocks((darts + kGrain - 1) / kGrain);
+        for_each_block(darts, kGrain, run, [&](std::size_t begin, std::size_t end) {
+            const auto sum_at = [&](std::size_t dart) {
+                return (static_cast<double>(dart) + hash_random(seed, dart, 0)) * board.wanted() /
+                       static_cast<double>(darts);
+            };
+            std::size_t k = board.piece_at(sum_at(begin));
+            for (std::size_t dart = begin; dart < end; ++dart) {
+                while (k + 1 < board.size() && board.until(k) < sum_at(dart)) {
+                    ++k;
+                }
+                const auto thrown = throw_dart(board.piece(k), seed, dart);
+                if (thrown && !is_taken(*thrown)) {
+                    blocks[begin / kGrain].push_back(*thrown);
+                }
             }
-            throw_dart(board.piece(k), seed, dart);
+        });
+        for (const auto& block : blocks) {
+            for (const Dart& dart : block) {
+                if (!is_taken(dart)) {
+                    particles_.add(dart.x, ParticleKind::Surface, dart.facet, dart.h, dart.normal);
+                    grid_.add(dart.x, dart.h);
+                }
+            }
         }
     }
 
 private:
-    void throw_dart(const Piece& piece, std::uint64_t seed, std::uint64_t dart) {
+    struct Dart {
+        Vec3 x;
+        Vec3 normal;
+        double h;
+        Index facet;
+    };
+
+    [[nodiscard]] std::optional<Dart> throw_dart(const Piece& piece, std::uint64_t seed,
+                                                 std::uint64_t dart) const {
         const double root = std::sqrt(hash_random(seed, dart, 1));
         const double share = hash_random(seed, dart, 2);
         const Vec3 x = piece.a + root * (1.0 - share) * piece.u + root * share * piece.v;
@@ -217,21 +248,17 @@ private:
             h = sizing_.h(x);
             // The board counts with the least h of the piece: thin out where h is larger.
             if (hash_random(seed, dart, 3) * h * h > piece.h * piece.h) {
-                return;
+                return {};
             }
         }
-        const Vec3 normal = piece.u.cross(piece.v).normalized();
-        if (!is_taken(x, h, normal)) {
-            particles_.add(x, ParticleKind::Surface, piece.facet, h, normal);
-            grid_.add(x, h);
-        }
+        return Dart{x, piece.u.cross(piece.v).normalized(), h, piece.facet};
     }
 
-    [[nodiscard]] bool is_taken(const Vec3& x, double h, const Vec3& normal) const {
-        return grid_.has_conflict(x, h, [&](Index j, double squared, double mean_h) {
+    [[nodiscard]] bool is_taken(const Dart& dart) const {
+        return grid_.has_conflict(dart.x, dart.h, [&](Index j, double squared, double mean_h) {
             if (at(j) >= first_) {
                 return squared < std::pow(options_.dart_radius * mean_h, 2) &&
-                       particles_.normal[at(j)].dot(normal) > kOpposed;
+                       particles_.normal[at(j)].dot(dart.normal) > kOpposed;
             }
             return squared < std::pow(kFeatureRadius * options_.dart_radius * mean_h, 2);
         });
@@ -293,7 +320,7 @@ Particles seed_surface(const Domain& domain, const FeatureSet& features, const S
 
     DartThrower thrower(sizing, options, particles, grid);
     for (int round = 0; round < kRounds; ++round) {
-        thrower.throw_round(board, round);
+        thrower.throw_round(board, round, run);
         run.report(0.3 * (round + 1) / kRounds);
     }
     for_each_index(particles.size() - first, run, [&](std::size_t k) {

@@ -22,7 +22,8 @@ constexpr double kDartRadius = 0.8;   // Between the bands darts fill the gaps,
 constexpr int kDartLevels = 3;        // in cells of h and two halvings.
 constexpr double kHalfDiagonal = 0.8660254037844386;
 
-// Fills the parts of a body where h varies. Serial: each point depends on those before it.
+// Fills the parts of a body where h varies. What hits points of an earlier round is sorted out side
+// by side; what is left goes one by one, since each point depends on those before it.
 class GradedFill {
 public:
     GradedFill(const Domain& domain, const SizingField& sizing, const SeedOptions& options,
@@ -41,13 +42,20 @@ public:
     }
 
     void add_band(const LatticeFill& lattice, RunContext& run) {
-        std::size_t seen = 0;
-        lattice.visit(particles_.size(), [&](const Vec3& x, double h) {
-            pause(++seen, run);
-            if (!is_taken(x, h, kBandRadius)) {
-                add(x, h);
-            }
+        std::vector<Dart> sites;
+        lattice.visit(particles_.size(), [&](const Vec3& x, double h) { sites.push_back({x, h}); });
+        std::vector<char> is_free(sites.size(), 0);
+        for_each_index(sites.size(), run, [&](std::size_t i) {
+            is_free[i] = !is_taken(sites[i].x, sites[i].h, kBandRadius);
         });
+        for (std::size_t i = 0; i < sites.size(); ++i) {
+            if (i % kGrain == 0) {
+                check_particles(run);
+            }
+            if (is_free[i] != 0 && !is_taken(sites[i].x, sites[i].h, kBandRadius)) {
+                add(sites[i].x, sites[i].h);
+            }
+        }
     }
 
     // Throws a dart into every cell of about one h, cuts the cells, drops the parts that a point
@@ -55,9 +63,21 @@ public:
     void throw_darts(const LatticeFill& lattice, RunContext& run) {
         std::vector<Cell> cells = find_cells(lattice, run);
         for (int level = 0; level < kDartLevels; ++level) {
-            for (std::size_t c = 0; c < cells.size(); ++c) {
-                pause(c, run);
-                throw_dart(cells[c], c, level, lattice);
+            std::vector<std::vector<Dart>> blocks((cells.size() + kGrain - 1) / kGrain);
+            for_each_block(cells.size(), kGrain, run, [&](std::size_t begin, std::size_t end) {
+                for (std::size_t c = begin; c < end; ++c) {
+                    if (const auto dart = throw_dart(cells[c], c, level, lattice)) {
+                        blocks[begin / kGrain].push_back(*dart);
+                    }
+                }
+            });
+            for (const auto& block : blocks) {
+                check_particles(run);
+                for (const Dart& dart : block) {
+                    if (!is_taken(dart.x, dart.h, kDartRadius)) {
+                        add(dart.x, dart.h);
+                    }
+                }
             }
             if (level + 1 < kDartLevels) {
                 cells = uncovered_parts(cells, lattice, run);
@@ -73,10 +93,13 @@ private:
         LatticeFill::Place known;
     };
 
-    void pause(std::size_t seen, RunContext& run) const {
-        if (seen % kGrain == 0) {
-            run.checkpoint();
-        }
+    struct Dart {
+        Vec3 x;
+        double h;
+    };
+
+    void check_particles(const RunContext& run) const {
+        run.checkpoint();
         if (particles_.size() > static_cast<std::size_t>(options_.max_particles)) {
             throw Error(ErrorCode::TooLarge,
                         "the sizes ask for more particles than seed.max_particles = " +
@@ -190,7 +213,9 @@ private:
         return parts;
     }
 
-    void throw_dart(const Cell& cell, std::size_t index, int level, const LatticeFill& lattice) {
+    // A dart that keeps its distance from the points so far.
+    [[nodiscard]] std::optional<Dart> throw_dart(const Cell& cell, std::size_t index, int level,
+                                                 const LatticeFill& lattice) const {
         const auto random = [&](unsigned axis) {
             return hash_random(options_.seed ^ 0xda27, index,
                                4 * static_cast<std::uint64_t>(level) + axis) -
@@ -199,13 +224,14 @@ private:
         const Vec3 x = cell.middle + cell.size * Vec3(random(0), random(1), random(2));
         // What is taken for the least h is taken for h: most darts end here.
         if (is_taken(x, cell.least_h, kDartRadius)) {
-            return;
+            return {};
         }
         const double h = sizing_.h(x);
         if (h < kPlateau * sizing_.h_max() && !is_taken(x, h, kDartRadius) &&
             lattice.is_free(cell.known, x, h, kGradedWall)) {
-            add(x, h);
+            return Dart{x, h};
         }
+        return {};
     }
 
     Box box_;

@@ -176,12 +176,21 @@ void fill_ring(LiveMesh& mesh, Index a, Index b, const Ring& ring, const Plan& p
     fill_ring(mesh, a, b, ring, plan, k, j);
 }
 
+// How an edge is to be removed.
+struct EdgeRemoval {
+    Ring ring{};
+    Plan plan;             // Of the ring, unless its only tet is peeled off.
+    bool is_peel = false;  // The boundary may turn out not to allow it.
+};
+
 template <typename Measure>
-bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
+bool plan_edge(const LiveMesh& mesh, Index a, Index b, EdgeRemoval& removal) {
     const auto ring = ring_around(mesh, a, b);
     if (!ring) {
         return false;
     }
+    removal.ring = *ring;
+    removal.is_peel = false;
     double old = 1.0;
     for (std::size_t i = 0; i < ring->tet_count; ++i) {
         old = std::min(old, measure<Measure>(mesh, mesh.tet(ring->tets[i])));
@@ -195,31 +204,45 @@ bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
         if (!worst) {
             return false;
         }
-        if (ring->tet_count == 1) {
-            return peel(mesh, a, b, *ring);
-        }
+        removal.is_peel = ring->tet_count == 1;
         old = *worst;
     } else if (ring->size < 3) {
         return false;
     }
-    Plan plan;
     const double limit = std::max(old, 0.0) * (1.0 + kGain) + 1e-9;
-    if (plan_ring<Measure>(mesh, a, b, *ring, limit, plan) <= limit) {
-        return false;
-    }
-    for (std::size_t i = 0; i < ring->tet_count; ++i) {
-        mesh.remove(ring->tets[i]);
-    }
-    fill_ring(mesh, a, b, *ring, plan, 0, ring->size - 1);
-    return true;
+    return removal.is_peel || plan_ring<Measure>(mesh, a, b, *ring, limit, removal.plan) > limit;
 }
 
 template <typename Measure>
-bool remove_face_by(LiveMesh& mesh, Index t, std::size_t corner) {
-    const Tet tet = mesh.tet(t);
+bool remove_edge_by(LiveMesh& mesh, Index a, Index b) {
+    EdgeRemoval removal;
+    if (!plan_edge<Measure>(mesh, a, b, removal)) {
+        return false;
+    }
+    const Ring& ring = removal.ring;
+    if (removal.is_peel) {
+        return peel(mesh, a, b, ring);
+    }
+    for (std::size_t i = 0; i < ring.tet_count; ++i) {
+        mesh.remove(ring.tets[i]);
+    }
+    fill_ring(mesh, a, b, ring, removal.plan, 0, ring.size - 1);
+    return true;
+}
+
+// A face between two tets, clockwise seen from d, and the corners on both sides.
+struct FaceRemoval {
+    Index other = kNone;
+    std::array<Index, 3> face{};
+    Index d = kNone;
+    Index e = kNone;
+};
+
+template <typename Measure>
+bool plan_face(const LiveMesh& mesh, Index t, std::size_t corner, FaceRemoval& removal) {
+    const Tet& tet = mesh.tet(t);
     const auto& face = kFaces[corner];
     const Index d = tet[corner];
-    // Seen from d the face runs clockwise as (f0, f1, f2).
     const Index f0 = tet[face[1]];
     const Index f1 = tet[face[0]];
     const Index f2 = tet[face[2]];
@@ -247,29 +270,56 @@ bool remove_face_by(LiveMesh& mesh, Index t, std::size_t corner) {
         measure<Measure>(mesh, f2, f0, e, d) <= limit) {
         return false;
     }
-    for (const Index s : mesh.around(d)) {
-        if (has(mesh.tet(s), e)) {
-            return false;
-        }
-    }
-    mesh.remove(t);
-    mesh.remove(other);
-    mesh.add({f0, f1, e, d});
-    mesh.add({f1, f2, e, d});
-    mesh.add({f2, f0, e, d});
-    return true;
+    removal = {other, {f0, f1, f2}, d, e};
+    const auto at_d = mesh.around(d);
+    return std::none_of(at_d.begin(), at_d.end(), [&](Index s) { return has(mesh.tet(s), e); });
 }
 
 template <typename Measure>
-bool flip_tet_by(LiveMesh& mesh, Index t) {
-    const Tet tet = mesh.tet(t);
-    for (const auto& edge : kEdges) {
-        if (remove_edge_by<Measure>(mesh, tet[edge[0]], tet[edge[1]])) {
-            return true;
+bool remove_face_by(LiveMesh& mesh, Index t, std::size_t corner) {
+    FaceRemoval removal;
+    if (!plan_face<Measure>(mesh, t, corner, removal)) {
+        return false;
+    }
+    const auto& [f0, f1, f2] = removal.face;
+    mesh.remove(t);
+    mesh.remove(removal.other);
+    mesh.add({f0, f1, removal.e, removal.d});
+    mesh.add({f1, f2, removal.e, removal.d});
+    mesh.add({f2, f0, removal.e, removal.d});
+    return true;
+}
+
+// The flips of a tet: removals of its 6 edges, then of its 4 faces.
+constexpr std::size_t kFlips = 10;
+
+// The first flip of a tet that can be planned, or kFlips.
+template <typename Measure>
+std::size_t first_flip(const LiveMesh& mesh, Index t) {
+    const Tet& tet = mesh.tet(t);
+    EdgeRemoval edge_removal;
+    FaceRemoval face_removal;
+    for (std::size_t k = 0; k < kFlips; ++k) {
+        const bool is_planned =
+            k < kEdges.size()
+                ? plan_edge<Measure>(mesh, tet[kEdges[k][0]], tet[kEdges[k][1]], edge_removal)
+                : plan_face<Measure>(mesh, t, k - kEdges.size(), face_removal);
+        if (is_planned) {
+            return k;
         }
     }
-    for (std::size_t corner = 0; corner < 4; ++corner) {
-        if (remove_face_by<Measure>(mesh, t, corner)) {
+    return kFlips;
+}
+
+// Tries the flips of a tet from the given one on.
+template <typename Measure>
+bool flip_tet_by(LiveMesh& mesh, Index t, std::size_t first = 0) {
+    const Tet tet = mesh.tet(t);
+    for (std::size_t k = first; k < kFlips; ++k) {
+        const bool is_done =
+            k < kEdges.size() ? remove_edge_by<Measure>(mesh, tet[kEdges[k][0]], tet[kEdges[k][1]])
+                              : remove_face_by<Measure>(mesh, t, k - kEdges.size());
+        if (is_done) {
             return true;
         }
     }
@@ -295,19 +345,28 @@ bool flip_tet(LiveMesh& mesh, Index t, Judge judge) {
 
 std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext& run) {
     constexpr std::size_t kBlock = 4096;
-    enum : std::uint8_t { kUnknown, kFine, kPoor };
+    constexpr std::uint8_t kUnknown = 0xFF;
+    constexpr std::uint8_t kFine = 0xFE;  // Else the first flip that could be planned.
+    const auto has_changed = [&](const Tet& tet, LiveMesh::Use use) {
+        return std::any_of(tet.begin(), tet.end(),
+                           [&](Index v) { return mesh.has_changed(v, use); });
+    };
     const auto is_due = [&](const Tet& tet) {
-        return all ||
-               std::any_of(tet.begin(), tet.end(), [&](Index v) { return mesh.has_changed(v); });
+        return all || has_changed(tet, LiveMesh::Use::Smoothing);
     };
-    const auto grade = [&](const Tet& tet) -> std::uint8_t {
-        return measure<RadiusRatio>(mesh, tet) < limit ? kPoor : kFine;
-    };
-    // Flips move no vertex, so that what is known before the first holds for tets that still live.
-    std::vector<std::uint8_t> grades(mesh.slot_count(), kUnknown);
-    for_each_index(grades.size(), run, [&](std::size_t i) {
-        if (mesh.is_alive(index(i)) && is_due(mesh.tet(index(i)))) {
-            grades[i] = grade(mesh.tet(index(i)));
+    const auto is_poor = [&](const Tet& tet) { return measure<RadiusRatio>(mesh, tet) < limit; };
+    for (std::size_t v = 0; v < mesh.vertex_count(); ++v) {
+        mesh.set_changed(index(v), false, LiveMesh::Use::Flips);
+    }
+    // Most can't be flipped. Flips move no vertex, so that what is planned before the first holds
+    // for tets whose vertices keep their tets.
+    std::vector<std::uint8_t> planned(mesh.slot_count(), kUnknown);
+    for_each_index(planned.size(), run, [&](std::size_t i) {
+        const Index t = index(i);
+        if (mesh.is_alive(t) && is_due(mesh.tet(t))) {
+            planned[i] = is_poor(mesh.tet(t))
+                             ? static_cast<std::uint8_t>(first_flip<RadiusRatio>(mesh, t))
+                             : kFine;
         }
     });
 
@@ -319,14 +378,13 @@ std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext&
             run.checkpoint();
         }
         const Index t = index(i);
-        const auto known = i < grades.size() ? grades[i] : std::uint8_t{kUnknown};
-        if (!mesh.is_alive(t) || known == kFine) {
+        const auto known = i < planned.size() ? planned[i] : kUnknown;
+        if (!mesh.is_alive(t) || known == kFine ||
+            (known == kUnknown && !(is_due(mesh.tet(t)) && is_poor(mesh.tet(t))))) {
             continue;
         }
-        const bool is_poor = known == kPoor || (is_due(mesh.tet(t)) && grade(mesh.tet(t)) == kPoor);
-        if (is_poor && flip_tet_by<RadiusRatio>(mesh, t)) {
-            ++flips;
-        }
+        const bool is_stale = known == kUnknown || has_changed(mesh.tet(t), LiveMesh::Use::Flips);
+        flips += flip_tet_by<RadiusRatio>(mesh, t, is_stale ? 0 : known) ? 1 : 0;
     }
     return flips;
 }

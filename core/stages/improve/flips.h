@@ -27,7 +27,7 @@ bool remove_face(LiveMesh& mesh, Index t, std::size_t corner, Judge judge);
 bool flip_tet(LiveMesh& mesh, Index t, Judge judge);
 
 /// Tries all tets with a radius ratio below `limit` around which something changed (or all of
-/// them), in order. Serial. Returns the number of flips.
+/// them), in order, planned side by side. Returns the number of flips.
 std::int64_t flip_pass(LiveMesh& mesh, double limit, bool all, const RunContext& run);
 
 }  // namespace remesh::improve

@@ -32,7 +32,7 @@ struct LinkEdge {
 class LiveMesh {
 public:
     /// Who wants to know what has changed.
-    enum class Use : std::uint8_t { Smoothing = 1, Search = 2 };
+    enum class Use : std::uint8_t { Smoothing = 1, Search = 2, Flips = 4 };
 
     [[nodiscard]] std::size_t vertex_count() const { return points_.size(); }
     [[nodiscard]] std::size_t slot_count() const { return tets_.size(); }
