@@ -17,8 +17,6 @@
 #include "core/parallel.h"
 #include "core/stages/sizing/diffused_map.h"
 #include "core/stages/tetrahedralize.h"
-#include "core/stages/text.h"
-#include "core/stages/verify.h"
 
 namespace remesh {
 namespace {
@@ -104,20 +102,6 @@ std::vector<WorstElement> worst_tets(const TetMesh& mesh) {
                             .at = 0.25 * (corner(a) + corner(b) + corner(c) + corner(d))};
     });
     return worst;
-}
-
-/// \throws Error{Unmeshable} with the place, after showing the surface
-void require_valid(const TetMesh& mesh, RunContext& run) {
-    const Faults faults = check_tets(mesh, run);
-    if (!faults.any()) {
-        return;
-    }
-    const Vec3& at = mesh.vertices[static_cast<std::size_t>(faults.fault_vertices.front())];
-    const std::string message = "no valid mesh was found at this edge length: " + faults.summary() +
-                                ", first near " + text_of(at);
-    run.warn({.code = "INVALID_RESULT", .message = message, .at = at});
-    run.preview(decimate(boundary_surface(mesh)));
-    throw Error(ErrorCode::Unmeshable, message);
 }
 
 std::string format_length(double length) {
@@ -276,7 +260,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
 
     clock.enter(Stage::Improve);
     auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run,
-                                 options.tetrahedra ? Aim::Body : Aim::Surface);
+                                 options.tetrahedra ? Aim::Body : Aim::Surface,
+                                 [&](Stage stage) { clock.enter(stage); });
     carved = {};
     particles = {};
     tets = static_cast<double>(improved.mesh.tets.size());
@@ -284,9 +269,7 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
         return std::nullopt;
     }
 
-    clock.enter(Stage::Verify);
-    tbb::parallel_invoke([&] { require_valid(improved.mesh, run); },
-                         [&] { result.surface = boundary_surface(improved.mesh); });
+    result.surface = boundary_surface(improved.mesh, std::move(improved.boundary));
     set_patches(options.patches, domain, features, improved, result.surface, run);
     if (options.sizing.return_field) {
         result.surface_sizes = sizes_at(result.surface.vertices, *map.field, run);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "core/mesh/tet_corners.h"
 
@@ -107,9 +108,9 @@ std::vector<Triangle> boundary_of(const std::vector<Tet>& tets, std::vector<Inde
     return triangles;
 }
 
-SurfaceMesh boundary_surface(const TetMesh& mesh) {
+SurfaceMesh boundary_surface(const TetMesh& mesh, std::vector<Triangle> triangles) {
     SurfaceMesh surface;
-    surface.triangles = boundary_of(mesh.tets);
+    surface.triangles = std::move(triangles);
     std::vector<Index> renumbered(mesh.vertices.size(), kNone);
     for (const auto& triangle : surface.triangles) {
         for (const auto v : triangle) {

@@ -59,6 +59,10 @@ struct Box {
 
 /// The boundary of a tet mesh as a surface of its own, with unused vertices left out.
 /// Vertices keep the order that they have in the tet mesh.
-[[nodiscard]] SurfaceMesh boundary_surface(const TetMesh& mesh);
+/// \param triangles  boundary_of(mesh.tets), where they are known
+[[nodiscard]] SurfaceMesh boundary_surface(const TetMesh& mesh, std::vector<Triangle> triangles);
+[[nodiscard]] inline SurfaceMesh boundary_surface(const TetMesh& mesh) {
+    return boundary_surface(mesh, boundary_of(mesh.tets));
+}
 
 }  // namespace remesh

@@ -5,10 +5,12 @@
 #include <cmath>
 #include <functional>
 #include <sstream>
+#include <string>
 #include <utility>
 
 #include "core/error.h"
 #include "core/mesh/index.h"
+#include "core/mesh/preview.h"
 #include "core/parallel.h"
 #include "core/stages/improve/boundary_guard.h"
 #include "core/stages/improve/flips.h"
@@ -16,6 +18,7 @@
 #include "core/stages/improve/part.h"
 #include "core/stages/improve/smooth.h"
 #include "core/stages/improve/worst_first.h"
+#include "core/stages/text.h"
 #include "core/stages/verify.h"
 
 namespace remesh {
@@ -220,11 +223,46 @@ std::vector<std::uint8_t> with_ring(const std::vector<std::uint8_t>& marked,
     return grown;
 }
 
+// A result with unused vertices left out, and what an exact check found in it.
+struct Checked {
+    ImproveResult result{};
+    std::vector<Index> origin{};  // Of each vertex of the result.
+    Faults faults{};
+};
+
+Checked compact_and_check(const improve::Assembled& all, const RunContext& run) {
+    Checked checked;
+    std::vector<Index> id(all.mesh.vertices.size(), kNone);
+    for (const auto& tet : all.mesh.tets) {
+        for (const Index v : tet) {
+            id[at(v)] = 0;
+        }
+    }
+    ImproveResult& result = checked.result;
+    for (std::size_t v = 0; v < id.size(); ++v) {
+        if (id[v] != kNone) {
+            id[v] = index(result.kind.size());
+            checked.origin.push_back(index(v));
+            result.mesh.vertices.push_back(all.mesh.vertices[v]);
+            result.kind.push_back(all.kind[v]);
+            result.curve.push_back(all.kind[v] == ParticleKind::Curve ? all.anchor[v] : kNone);
+        }
+    }
+    result.mesh.tets.resize(all.mesh.tets.size());
+    for_each_index(result.mesh.tets.size(), run, [&](std::size_t t) {
+        for (std::size_t k = 0; k < 4; ++k) {
+            result.mesh.tets[t][k] = id[at(all.mesh.tets[t][k])];
+        }
+    });
+    checked.faults = check_tets(result.mesh, run, &result.boundary);
+    return checked;
+}
+
 // What had been frozen is improved at last, one operation at a time, where it crosses nothing.
-// Returns what was done.
-improve::WorstFirstResult thaw(improve::Assembled& all, std::vector<std::uint8_t> frozen,
-                               const improve::Shape& shape, const Plan& plan, Aim aim,
-                               RunContext& run) {
+// Returns what was done, none of it if the result doesn't check out.
+improve::WorstFirstResult thaw(const improve::Assembled& all, ImproveResult& result,
+                               std::vector<std::uint8_t> frozen, const improve::Shape& shape,
+                               const Plan& plan, Aim aim, RunContext& run) {
     constexpr std::size_t kMostTets = 200'000;  // A thaw looks at all of them again and again.
     frozen.resize(all.mesh.vertices.size(), 0);
     const improve::Whole whole{all.mesh, all.kind, all.anchor};
@@ -243,21 +281,21 @@ improve::WorstFirstResult thaw(improve::Assembled& all, std::vector<std::uint8_t
             break;
         }
     }
-    auto thawed = improve::put_back(whole, part);
-    if (check_tets(thawed.mesh, run).any()) {
+    Checked thawed = compact_and_check(improve::put_back(whole, part), run);
+    if (thawed.faults.any()) {
         return {};
     }
-    all = std::move(thawed);
+    result = std::move(thawed.result);
     return done;
 }
 
 // Freezes faulty vertices and `rings` rings of tets around them. Inserted vertices can't be frozen,
 // as the next round starts without them, but their neighbours can.
-void freeze(std::vector<std::uint8_t>& frozen, const Faults& faults, const TetMesh& broken,
+void freeze(std::vector<std::uint8_t>& frozen, const Checked& checked, const TetMesh& broken,
             const TetMesh& carved, int rings) {
     std::vector<std::uint8_t> hit(broken.vertices.size(), 0);
-    for (const Index v : faults.fault_vertices) {
-        hit[at(v)] = 1;
+    for (const Index v : checked.faults.fault_vertices) {
+        hit[at(checked.origin[at(v)])] = 1;
     }
     for (int ring = 0; ring < rings; ++ring) {
         hit = with_ring(with_ring(hit, broken.tets), carved.tets);
@@ -267,43 +305,22 @@ void freeze(std::vector<std::uint8_t>& frozen, const Faults& faults, const TetMe
     }
 }
 
-ImproveResult compacted(improve::Assembled all) {
-    ImproveResult result;
-    std::vector<Index> id(all.mesh.vertices.size(), kNone);
-    for (const auto& tet : all.mesh.tets) {
-        for (const Index v : tet) {
-            id[at(v)] = 0;
-        }
-    }
-    for (std::size_t v = 0; v < id.size(); ++v) {
-        if (id[v] != kNone) {
-            id[v] = index(result.kind.size());
-            result.mesh.vertices.push_back(all.mesh.vertices[v]);
-            result.kind.push_back(all.kind[v]);
-            result.curve.push_back(all.kind[v] == ParticleKind::Curve ? all.anchor[v] : kNone);
-        }
-    }
-    for (auto& tet : all.mesh.tets) {
-        for (Index& v : tet) {
-            v = id[at(v)];
-        }
-    }
-    result.mesh.tets = std::move(all.mesh.tets);
-    return result;
-}
-
 ImproveResult unimproved(const CarveResult& carved, const std::vector<Index>& anchor,
-                         const RunContext& run) {
-    const Faults faults = check_tets(carved.mesh, run);
-    if (faults.any()) {
-        throw Error(ErrorCode::Unmeshable,
-                    "no valid mesh was found: the carved mesh has " + faults.summary());
+                         RunContext& run, const std::function<void(Stage)>& enter) {
+    enter(Stage::Verify);
+    Checked checked = compact_and_check({carved.mesh, carved.kind, anchor}, run);
+    ImproveResult& result = checked.result;
+    if (checked.faults.any()) {
+        const Vec3& at_fault = result.mesh.vertices[at(checked.faults.fault_vertices.front())];
+        const std::string message =
+            "no valid mesh was found at this edge length: " + checked.faults.summary() +
+            ", first near " + text_of(at_fault);
+        run.warn({.code = "INVALID_RESULT", .message = message, .at = at_fault});
+        run.preview(decimate(boundary_surface(result.mesh, result.boundary)));
+        throw Error(ErrorCode::Unmeshable, message);
     }
-    auto result = compacted({carved.mesh, carved.kind, anchor});
-    if (!carved.mesh.region.empty()) {
-        result.mesh.region = carved.mesh.region;
-    }
-    return result;
+    result.mesh.region = carved.mesh.region;
+    return std::move(result);
 }
 
 void require(bool condition, const char* field, const char* range, double value) {
@@ -327,7 +344,8 @@ void validate(const ImproveOptions& options) {
 
 ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
                            const Domain& domain, const FeatureSet& features,
-                           const ImproveOptions& options, RunContext& run, Aim aim) {
+                           const ImproveOptions& options, RunContext& run, Aim aim,
+                           const std::function<void(Stage)>& enter) {
     validate(options);
     if (carved.kind.size() != carved.mesh.vertices.size() ||
         anchor.size() < carved.mesh.vertices.size()) {
@@ -336,7 +354,7 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
     }
     run.report(0.0);
     if (options.mode == ImproveMode::StrictDelaunay || options.passes == 0) {
-        return unimproved(carved, anchor, run);
+        return unimproved(carved, anchor, run, enter);
     }
 
     const improve::Shape shape{domain, features};
@@ -350,24 +368,27 @@ ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& 
         }
         Round round(whole, frozen, shape, options, aim, run);
         round.run();
-        auto all = improve::put_back(whole, round.part());
-        const Faults faults = check_tets(all.mesh, run);
-        if (!faults.any()) {
+        const auto all = improve::put_back(whole, round.part());
+        enter(Stage::Verify);
+        Checked checked = compact_and_check(all, run);
+        if (!checked.faults.any()) {
+            ImproveResult& result = checked.result;
             auto done = round.done();
             if (attempt > 1) {
-                done.add(thaw(all, frozen, shape, plan_for(options), aim, run));
+                enter(Stage::Improve);
+                done.add(thaw(all, result, frozen, shape, plan_for(options), aim, run));
             }
-            auto result = compacted(std::move(all));
             result.flips = round.flips() + done.flips;
             result.collapses = done.collapses;
             result.splits = done.splits;
             result.rounds = attempt;
             result.frozen_vertices = std::count(frozen.begin(), frozen.end(), std::uint8_t{1});
-            return result;
+            return std::move(result);
         }
-        freeze(frozen, faults, all.mesh, carved.mesh, attempt);
+        enter(Stage::Improve);
+        freeze(frozen, checked, all.mesh, carved.mesh, attempt);
     }
-    auto result = unimproved(carved, anchor, run);
+    auto result = unimproved(carved, anchor, run, enter);
     result.rounds = kMaxRounds + 1;
     result.frozen_vertices = static_cast<std::int64_t>(frozen.size());
     return result;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "core/geometry/domain.h"
@@ -34,7 +35,8 @@ struct ImproveOptions {
 };
 
 struct ImproveResult {
-    TetMesh mesh{};                    ///< Unused vertices left out.
+    TetMesh mesh{};                    ///< Unused vertices left out; free of any Faults.
+    std::vector<Triangle> boundary{};  ///< boundary_of(mesh.tets).
     std::vector<ParticleKind> kind{};  ///< #V.
     std::vector<Index> curve{};        ///< #V curve of Curve vertices, else kNone.
     std::int64_t flips = 0;
@@ -48,19 +50,21 @@ struct ImproveResult {
 /// valid.
 ///
 /// Volume vertices move freely, surface vertices are projected to the domain, curve vertices slide
-/// along their curves, corners stay. The result is checked exactly for inversions, manifoldness and
-/// self-intersection; where a check fails, the vertices there and a growing ring are frozen and the
-/// improvement starts again from the carved mesh. The last resort moves no surface vertex. At last
-/// what was frozen is improved, too, one operation at a time, each checked against the boundary.
-/// Energy: phi = sum(l^2) / (12 (3V)^(2/3)) over tets, and its 2-D sibling over boundary triangles.
-/// Same bytes for any number of threads.
+/// along their curves, corners stay. Every result is checked exactly, as it is returned, for
+/// inversions, manifoldness and self-intersection; where a check fails, the vertices there and a
+/// growing ring are frozen and the improvement starts again from the carved mesh. The last resort
+/// moves no surface vertex. At last what was frozen is improved, too, one operation at a time, each
+/// checked against the boundary. Energy: phi = sum(l^2) / (12 (3V)^(2/3)) over tets, and its 2-D
+/// sibling over boundary triangles. Same bytes for any number of threads.
 ///
 /// \param anchor  #V facet of a surface vertex or curve of a curve vertex, as in Particles
-/// \throws Error{Unmeshable} if even the carved mesh isn't valid; Error{InvalidInput};
-/// Error{Cancelled}
-ImproveResult improve_mesh(const CarveResult& carved, const std::vector<Index>& anchor,
-                           const Domain& domain, const FeatureSet& features,
-                           const ImproveOptions& options, RunContext& run, Aim aim = Aim::Body);
+/// \param enter  told when a check begins (Verify) and when the improvement goes on (Improve)
+/// \throws Error{Unmeshable} if even the carved mesh isn't valid: with the place, which a warning
+/// tells, too, and after showing the surface; Error{InvalidInput}; Error{Cancelled}
+ImproveResult improve_mesh(
+    const CarveResult& carved, const std::vector<Index>& anchor, const Domain& domain,
+    const FeatureSet& features, const ImproveOptions& options, RunContext& run, Aim aim = Aim::Body,
+    const std::function<void(Stage)>& enter = [](Stage) {});
 
 void validate(const ImproveOptions& options);
 

@@ -8,6 +8,7 @@
 #include <compare>
 #include <cstddef>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "core/exact/intersections.h"
@@ -233,20 +234,21 @@ public:
                     add(a, FaceUse{b, c, static_cast<std::uint32_t>(4 * t + corner)});
                 }
             });
+        const std::size_t n = mesh_.vertices.size();
+        std::vector<FoundFaces> blocks((n + kGrain - 1) / kGrain);
+        for_each_block(n, kGrain, run_, [&](std::size_t begin, std::size_t end) {
+            for (std::size_t v = begin; v < end; ++v) {
+                check_faces_of(std::span(table.rows)
+                                   .subspan(table.start[v], table.start[v + 1] - table.start[v]),
+                               blocks[begin / kGrain]);
+            }
+        });
         std::vector<std::uint32_t> single;
-        for (std::size_t v = 0; v < mesh_.vertices.size(); ++v) {
-            for (std::size_t i = table.start[v]; i < table.start[v + 1];) {
-                std::size_t end = i + 1;
-                while (end < table.start[v + 1] && table.rows[end].is_same_face(table.rows[i])) {
-                    ++end;
-                }
-                if (end - i == 1) {
-                    single.push_back(table.rows[i].id);
-                } else if (end - i > 2 || are_on_one_side(table.rows[i].id, table.rows[i + 1].id)) {
-                    ++faults_.overlapping_tets;
-                    add_faults(faults_, face(table.rows[i].id));
-                }
-                i = end;
+        for (const FoundFaces& found : blocks) {
+            single.insert(single.end(), found.single.begin(), found.single.end());
+            for (const std::uint32_t id : found.overlapping) {
+                ++faults_.overlapping_tets;
+                add_faults(faults_, face(id));
             }
         }
         std::sort(single.begin(), single.end());
@@ -257,6 +259,27 @@ public:
     }
 
 private:
+    struct FoundFaces {
+        std::vector<std::uint32_t> single{};
+        std::vector<std::uint32_t> overlapping{};
+    };
+
+    // Faces with one smallest vertex.
+    void check_faces_of(std::span<const FaceUse> uses, FoundFaces& found) const {
+        for (std::size_t i = 0; i < uses.size();) {
+            std::size_t end = i + 1;
+            while (end < uses.size() && uses[end].is_same_face(uses[i])) {
+                ++end;
+            }
+            if (end - i == 1) {
+                found.single.push_back(uses[i].id);
+            } else if (end - i > 2 || are_on_one_side(uses[i].id, uses[i + 1].id)) {
+                found.overlapping.push_back(uses[i].id);
+            }
+            i = end;
+        }
+    }
+
     [[nodiscard]] int sign(const Tet& tet) const {
         const Vec3& a = mesh_.vertices[tet[0]];
         const Vec3& b = mesh_.vertices[tet[1]];
@@ -348,12 +371,16 @@ Faults check_surface(const SurfaceMesh& surface, const RunContext& run) {
     return faults;
 }
 
-Faults check_tets(const TetMesh& mesh, const RunContext& run) {
+Faults check_tets(const TetMesh& mesh, const RunContext& run, std::vector<Triangle>* boundary) {
     Faults faults;
     TetChecker tets(mesh, faults, run);
     tets.check_orientation();
-    SurfaceChecker(mesh.vertices, tets.check_faces(), faults, run).check();
+    std::vector<Triangle> triangles = tets.check_faces();
+    SurfaceChecker(mesh.vertices, triangles, faults, run).check();
     sort_fault_vertices(faults);
+    if (boundary != nullptr) {
+        *boundary = std::move(triangles);
+    }
     return faults;
 }
 

@@ -39,7 +39,9 @@ struct Faults {
 /// Checks tets and their boundary. `fault_vertices` are indices of the tet mesh's vertices,
 /// `intersections` of the triangles of `boundary_of(mesh.tets)`.
 /// \param mesh  indices in range, regions ignored
+/// \param boundary  becomes boundary_of(mesh.tets), if given
 /// \throws Error{Cancelled}
-[[nodiscard]] Faults check_tets(const TetMesh& mesh, const RunContext& run);
+[[nodiscard]] Faults check_tets(const TetMesh& mesh, const RunContext& run,
+                                std::vector<Triangle>* boundary = nullptr);
 
 }  // namespace remesh
