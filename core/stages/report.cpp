@@ -163,38 +163,55 @@ nlohmann::json json_of(const InputFacts& facts) {
             {"bounds", {{"low", json_of(facts.bounds.low)}, {"high", json_of(facts.bounds.high)}}}};
 }
 
-/// Squared distances from vertices of the triangles, midpoints of their edges and centroids: seven
-/// samples a triangle.
-std::vector<double> distances_of_triangles(const SurfaceMesh& from, const Bvh& to,
-                                           const RunContext& run) {
-    std::vector<double> squared(from.triangles.size() * 7);
-    for_each_index(from.triangles.size(), run, [&](std::size_t i) {
-        const auto& t = from.triangles[i];
-        const std::array<Vec3, 3> p{corner(from.vertices, t[0]), corner(from.vertices, t[1]),
-                                    corner(from.vertices, t[2])};
-        const std::array<Vec3, 7> samples{p[0],
-                                          p[1],
-                                          p[2],
-                                          0.5 * (p[0] + p[1]),
-                                          0.5 * (p[1] + p[2]),
-                                          0.5 * (p[2] + p[0]),
-                                          (p[0] + p[1] + p[2]) / 3.0};
-        Index hint = kNone;
-        for (std::size_t s = 0; s < samples.size(); ++s) {
-            const auto nearest = to.closest(samples[s], kInfinity, hint);
-            hint = nearest->triangle;
-            squared[7 * i + s] = nearest->distance2;
+/// Squared distances from the vertices, and of few triangles also from the midpoints of edges and
+/// the centroids: each sample once.
+std::vector<double> squared_distances(const SurfaceMesh& from, const Bvh& to,
+                                      const RunContext& run) {
+    std::vector<std::uint8_t> is_used(from.vertices.size(), 0);
+    for (const auto& triangle : from.triangles) {
+        for (const Index v : triangle) {
+            is_used[static_cast<std::size_t>(v)] = 1;
+        }
+    }
+    std::vector<Index> hints(from.vertices.size(), kNone);
+    std::vector<double> squared(from.vertices.size());
+    for_each_index(squared.size(), run, [&](std::size_t v) {
+        if (is_used[v] != 0) {
+            const auto nearest = to.closest(from.vertices[v], kInfinity);
+            squared[v] = nearest->distance2;
+            hints[v] = nearest->triangle;
         }
     });
-    return squared;
-}
+    std::size_t count = 0;
+    for (std::size_t v = 0; v < squared.size(); ++v) {
+        squared[count] = squared[v];
+        count += is_used[v];
+    }
+    squared.resize(count);
+    if (from.triangles.size() > kManyTriangles) {
+        return squared;
+    }
 
-/// Squared distances from the vertices: enough where there are many.
-std::vector<double> distances_of_vertices(const SurfaceMesh& from, const Bvh& to,
-                                          const RunContext& run) {
-    std::vector<double> squared(from.vertices.size());
-    for_each_index(squared.size(), run, [&](std::size_t i) {
-        squared[i] = to.closest(from.vertices[i], kInfinity)->distance2;
+    const auto add = [&](std::size_t samples, auto sample) {
+        const std::size_t first = squared.size();
+        squared.resize(first + samples);
+        for_each_index(samples, run, [&](std::size_t i) {
+            const auto [point, near] = sample(i);
+            squared[first + i] =
+                to.closest(point, kInfinity, hints[static_cast<std::size_t>(near)])->distance2;
+        });
+    };
+    const auto edges = edges_of(from.triangles);
+    add(edges.size(), [&](std::size_t i) {
+        const auto& [a, b] = edges[i];
+        const Vec3 middle = 0.5 * (corner(from.vertices, a) + corner(from.vertices, b));
+        return std::pair(middle, a);
+    });
+    add(from.triangles.size(), [&](std::size_t i) {
+        const auto& [a, b, c] = from.triangles[i];
+        const Vec3 centroid =
+            (corner(from.vertices, a) + corner(from.vertices, b) + corner(from.vertices, c)) / 3.0;
+        return std::pair(centroid, a);
     });
     return squared;
 }
@@ -278,9 +295,7 @@ Deviation measure_deviation(const SurfaceMesh& from, const SurfaceMesh& to, cons
         return {};
     }
     const Bvh target(to.vertices, to.triangles);
-    auto squared = from.triangles.size() > kManyTriangles
-                       ? distances_of_vertices(from, target, run)
-                       : distances_of_triangles(from, target, run);
+    auto squared = squared_distances(from, target, run);
     Deviation deviation;
     deviation.rms = std::sqrt(sum_over(squared.size(), [&](std::size_t i) { return squared[i]; }) /
                               static_cast<double>(squared.size()));
