@@ -29,7 +29,7 @@ struct ImproveOptions {
     ImproveMode mode = ImproveMode::Balanced;
     int passes = 8;               ///< Of flips and smoothing, >= 0.
     double power = 3.0;           ///< Of the energy sum(phi^power), in [1, 12].
-    double surface_weight = 3.0;  ///< Of boundary triangles in the energy, >= 0.
+    double surface_weight = 5.0;  ///< Of boundary triangles in the energy, >= 0.
     double flip_below =
         0.75;  ///< Flips are tried on tets with a radius ratio below this, in [0, 1].
 };
