@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "core/mesh/mesh.h"
 #include "core/run_context.h"
