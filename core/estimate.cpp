@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/stages/clean.h"
 #include "core/stages/sizing/image.h"
 
 namespace remesh {
@@ -34,9 +35,17 @@ struct Extent {
 };
 
 Extent extent_of(const SurfaceMesh& mesh) {
-    const Vec3 origin = bounding_box(mesh.vertices).low;
+    // As the run will do, without what is garbage: one such vertex may outweigh all others.
+    const Box plausible = plausible_box(mesh.vertices);
+    const auto is_plausible = [&](Index v) {
+        return contains(plausible, mesh.vertices[static_cast<std::size_t>(v)]);
+    };
+    const Vec3 origin = 0.5 * (plausible.low + plausible.high);
     Extent extent;
     for (const auto& [a, b, c] : mesh.triangles) {
+        if (!is_plausible(a) || !is_plausible(b) || !is_plausible(c)) {
+            continue;
+        }
         const Vec3 p = mesh.vertices[static_cast<std::size_t>(a)] - origin;
         const Vec3 q = mesh.vertices[static_cast<std::size_t>(b)] - origin;
         const Vec3 r = mesh.vertices[static_cast<std::size_t>(c)] - origin;

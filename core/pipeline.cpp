@@ -16,7 +16,9 @@
 #include "core/mesh/quality.h"
 #include "core/parallel.h"
 #include "core/stages/sizing/diffused_map.h"
+#include "core/stages/surface_math.h"
 #include "core/stages/tetrahedralize.h"
+#include "core/stages/text.h"
 
 namespace remesh {
 namespace {
@@ -32,6 +34,9 @@ constexpr double kCoarsenMargin = 1.02;  // Of h, as the boundary takes its shar
 constexpr int kGradedIterations = 60;    // Of a relaxation of the volume where sizes vary.
 constexpr int kFewestCycles = 4;         // A step goes half the way at least.
 constexpr int kMostCycles = 10;          // Of a map that diffuses on the particles.
+constexpr double kSpeckMargin = 0.5;     // A part kept at the door may lose this much by meshing.
+constexpr double kLeastVolume = 0.5;     // Of the body's: a mesh that holds less is of no use,
+constexpr double kNotableChange = 0.1;   // and a change by this share is told.
 constexpr double kSettled = 0.01;        // Of the particles; no more come or go in the last cycle.
 
 /// Enters stages and keeps what each one cost.
@@ -102,6 +107,39 @@ std::vector<WorstElement> worst_tets(const TetMesh& mesh) {
                             .at = 0.25 * (corner(a) + corner(b) + corner(c) + corner(d))};
     });
     return worst;
+}
+
+/// Tells of what the edge length was too coarse for.
+/// \throws Error{Unmeshable} if hardly anything of the body is left
+void note_losses(PrepareResult& prepared, const CarveResult& carved, double volume, double h,
+                 RunContext& run) {
+    const auto note = [&](const char* code, const std::string& text, std::int64_t count,
+                          std::optional<Vec3> at) {
+        prepared.defects.push_back({.code = code, .description = text, .count = count, .at = at});
+        run.warn({.code = code, .message = text, .at = at});
+    };
+    const double before = prepared.facts.volume;
+    const auto percent = [&](double part) {
+        return std::to_string(std::lround(100.0 * part / before)) + " %";
+    };
+    if (volume < kLeastVolume * before) {
+        throw Error(ErrorCode::Unmeshable, "the body is too thin for edge_length " + text_of(h) +
+                                               ": its mesh would hold only " + percent(volume) +
+                                               " of its volume");
+    }
+    if (carved.notable_parts > 0) {
+        note("LOST_PARTS",
+             count_of(carved.notable_parts, "part") + " too small for edge_length " + text_of(h) +
+                 " left out of the mesh",
+             carved.notable_parts, carved.notable_part);
+    }
+    if (std::abs(volume - before) > kNotableChange * before) {
+        note("VOLUME_CHANGED",
+             "the mesh holds " + percent(std::abs(volume - before)) +
+                 (volume < before ? " less" : " more") + " than the body: edge_length " +
+                 text_of(h) + " is coarse for it",
+             1, std::nullopt);
+    }
 }
 
 std::string format_length(double length) {
@@ -248,7 +286,9 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     auto [particles, delaunay] = fill(domain, features, map, options, clock, run);
 
     clock.enter(Stage::Carve);
-    auto carved = carve_domain(particles, delaunay, domain, options.carve, run);
+    CarveOptions carve = options.carve;
+    carve.min_part_share = kSpeckMargin * options.prepare.speck_volume;
+    auto carved = carve_domain(particles, delaunay, domain, carve, run);
     delaunay = {};
     tets = static_cast<double>(carved.mesh.tets.size());
     if (tets > most) {
@@ -262,7 +302,8 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     auto improved = improve_mesh(carved, particles.anchor, domain, features, options.improve, run,
                                  options.tetrahedra ? Aim::Body : Aim::Surface,
                                  [&](Stage stage) { clock.enter(stage); });
-    carved = {};
+    carved.mesh = {};
+    carved.kind = {};
     particles = {};
     tets = static_cast<double>(improved.mesh.tets.size());
     if (tets > most) {
@@ -270,6 +311,7 @@ std::optional<RemeshResult> mesh_at(double h, const SurfaceMesh& input,
     }
 
     result.surface = boundary_surface(improved.mesh, std::move(improved.boundary));
+    note_losses(prepared, carved, enclosed_volume(result.surface), h, run);
     set_patches(options.patches, domain, features, improved, result.surface, run);
     if (options.sizing.return_field) {
         result.surface_sizes = sizes_at(result.surface.vertices, *map.field, run);

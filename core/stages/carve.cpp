@@ -24,7 +24,7 @@ constexpr double kHopeless = 1e-9;  // A void with a tet below this isn't filled
 constexpr double kWideInner = 1.0;  // Circumradius over h from which a tet with a volume vertex
 constexpr double kWideOuter = 1.2;  // or one with surface vertices only is judged by its centroid.
 constexpr double kNearSurface = 0.3;  // Depth over h up to which a surface tet matters less.
-constexpr double kSharePart = 1e-3;   // Parts below this share of the largest go.
+constexpr double kNotablePart = 1.0;  // Over h^3: what is smaller is a crumb.
 
 struct TetShape {
     double h = 0.0;         // Wanted spacing.
@@ -162,6 +162,7 @@ private:
         bool is_hopeless = false;
         double volume = 0.0;
         double relative_volume = 0.0;  // Sum of V / h^3.
+        Index first = kNone;
     };
 
     void drop_parts_and_fill_voids() {
@@ -181,9 +182,12 @@ private:
         for (std::size_t i = 0; i < parts.size(); ++i) {
             const Part& part = parts[i];
             if (part.is_inside) {
-                is_switched[i] = part.relative_volume < options_.min_part_volume ||
-                                 part.volume < kSharePart * largest;
-                dropped_parts_ += is_switched[i];
+                is_switched[i] =
+                    part.volume < largest && (part.relative_volume < options_.min_part_volume ||
+                                              part.volume < options_.min_part_share * largest);
+                if (is_switched[i]) {
+                    note_dropped(part);
+                }
             } else {
                 is_switched[i] = part.is_enclosed && !part.is_hopeless &&
                                  part.relative_volume < options_.max_void_volume;
@@ -194,9 +198,16 @@ private:
                        [&](std::size_t t) { inside_[t] ^= is_switched[part_of[t]]; });
     }
 
+    void note_dropped(const Part& part) {
+        ++dropped_parts_;
+        if (part.relative_volume >= kNotablePart && notable_parts_++ == 0) {
+            notable_part_ = shape(part.first).centroid;
+        }
+    }
+
     Part flood(Index seed, Index id, std::vector<Index>& part_of) {
         run_.checkpoint();
-        Part part{.is_inside = inside_[seed] != 0};
+        Part part{.is_inside = inside_[seed] != 0, .first = seed};
         part_of[seed] = id;
         stack_.assign(1, seed);
         while (!stack_.empty()) {
@@ -229,6 +240,8 @@ private:
         }
         CarveResult result;
         result.dropped_parts = dropped_parts_;
+        result.notable_parts = notable_parts_;
+        result.notable_part = notable_part_;
         result.filled_voids = filled_voids_;
         result.forced_steps = forced_steps_;
         result.mesh.vertices = particles_.position;
@@ -273,6 +286,8 @@ private:
     Labels inside_;
     std::vector<Index> stack_;
     std::int64_t dropped_parts_ = 0;
+    std::int64_t notable_parts_ = 0;
+    std::optional<Vec3> notable_part_;
     std::int64_t filled_voids_ = 0;
     std::int64_t forced_steps_ = 0;
 };
@@ -297,6 +312,10 @@ CarveResult carve_domain(const Particles& particles, const TetComplex& delaunay,
 void validate(const CarveOptions& options) {
     require_at_least_zero("min_part_volume", options.min_part_volume);
     require_at_least_zero("max_void_volume", options.max_void_volume);
+    if (!(options.min_part_share >= 0.0 && options.min_part_share < 1.0)) {
+        throw Error(ErrorCode::InvalidInput, "carve.min_part_share must be in [0, 1), got " +
+                                                 std::to_string(options.min_part_share));
+    }
 }
 
 }  // namespace remesh

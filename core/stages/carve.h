@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/exact/delaunay.h"
@@ -12,8 +13,8 @@
 namespace remesh {
 
 struct CarveOptions {
-    double min_part_volume =
-        4.0;  ///< Parts smaller than this times h^3 go, >= 0 (or 0.1 % of the largest).
+    double min_part_volume = 4.0;  ///< Parts smaller than this times h^3 go, >= 0,
+    double min_part_share = 1e-3;  ///< or than this share of the largest, in [0, 1).
     double max_void_volume = 1.0;  ///< Enclosed voids smaller than this times h^3 are filled, >= 0.
 };
 
@@ -21,7 +22,9 @@ struct CarveResult {
     TetMesh mesh{};  ///< Vertices are the particles, in order, unused ones included.
     std::vector<ParticleKind>
         kind{};  ///< #V. Volume for what isn't on the boundary, Surface or more for what is.
-    std::int64_t dropped_parts = 0;
+    std::int64_t dropped_parts = 0;      ///< Crumbs included.
+    std::int64_t notable_parts = 0;      ///< Of them, those of 1 h^3 at least.
+    std::optional<Vec3> notable_part{};  ///< A point in the first of these.
     std::int64_t filled_voids = 0;
     std::int64_t forced_steps = 0;  ///< Of the last resort of the manifold labelling.
 };
@@ -34,7 +37,8 @@ struct CarveResult {
 /// at the centroid where the circumradius passes 1.2 h), and is out if it is flat. Here h is the
 /// mean `particles.h` of its corners. Then a greedy labelling switches tets around vertices whose
 /// boundary isn't one fan, and a last resort that only removes, so that it always ends manifold.
-/// Since Delaunay tets don't overlap, the boundary has no self-intersection either.
+/// The largest part always stays. Since Delaunay tets don't overlap, the boundary has no
+/// self-intersection either.
 ///
 /// \param delaunay  of the particles, from `tetrahedralize`
 /// \throws Error{InvalidInput} if an option is out of range; Error{Unmeshable} if nothing is left;

@@ -62,36 +62,6 @@ double median(std::vector<double> values) {
     return *middle;
 }
 
-/// Box of the coordinates that are neither infinite nor absurdly far from all others.
-Box plausible_box(const Points& vertices) {
-    Box box{Vec3::Constant(-std::numeric_limits<double>::max()),
-            Vec3::Constant(std::numeric_limits<double>::max())};
-    std::vector<double> values;
-    Vec3 middle;
-    Vec3 spread;
-    for (Eigen::Index d = 0; d < 3; ++d) {
-        values.clear();
-        for (const auto& v : vertices) {
-            if (v.allFinite()) {
-                values.push_back(v[d]);
-            }
-        }
-        if (values.empty()) {
-            return box;
-        }
-        middle[d] = median(values);
-        for (auto& value : values) {
-            value = std::abs(value - middle[d]);
-        }
-        spread[d] = median(values);
-    }
-    const double reach = kFarOut * spread.maxCoeff();
-    if (reach > 0.0 && std::isfinite(reach)) {
-        box = {middle - Vec3::Constant(reach), middle + Vec3::Constant(reach)};
-    }
-    return box;
-}
-
 class Cleaner {
 public:
     Cleaner(const SurfaceMesh& input, RunContext& run) : input_(input), run_(run) {}
@@ -133,9 +103,7 @@ private:
         first_.resize(vertices.size());
         for (std::size_t i = 0; i < vertices.size(); ++i) {
             const Vec3& v = vertices[i];
-            const bool ok = v.allFinite() && (v.array() >= box.low.array()).all() &&
-                            (v.array() <= box.high.array()).all();
-            first_[i] = ok ? kinds.add(static_cast<Index>(i)) : kNone;
+            first_[i] = contains(box, v) ? kinds.add(static_cast<Index>(i)) : kNone;
         }
     }
 
@@ -336,6 +304,35 @@ private:
 };
 
 }  // namespace
+
+Box plausible_box(const Points& vertices) {
+    Box box{Vec3::Constant(-std::numeric_limits<double>::max()),
+            Vec3::Constant(std::numeric_limits<double>::max())};
+    std::vector<double> values;
+    Vec3 middle;
+    Vec3 spread;
+    for (Eigen::Index d = 0; d < 3; ++d) {
+        values.clear();
+        for (const auto& v : vertices) {
+            if (v.allFinite()) {
+                values.push_back(v[d]);
+            }
+        }
+        if (values.empty()) {
+            return box;
+        }
+        middle[d] = median(values);
+        for (auto& value : values) {
+            value = std::abs(value - middle[d]);
+        }
+        spread[d] = median(values);
+    }
+    const double reach = kFarOut * spread.maxCoeff();
+    if (reach > 0.0 && std::isfinite(reach)) {
+        box = {middle - Vec3::Constant(reach), middle + Vec3::Constant(reach)};
+    }
+    return box;
+}
 
 CleanResult clean_surface(const SurfaceMesh& input, double h, RunContext& run) {
     return Cleaner(input, run).clean(h);

@@ -17,6 +17,14 @@ struct CleanResult {
     std::optional<Vec3> first_non_manifold{};  ///< An edge with more than two triangles.
 };
 
+/// Box of the coordinates that are neither infinite nor absurdly far from all others.
+[[nodiscard]] Box plausible_box(const Points& vertices);
+
+/// False for points that aren't finite.
+[[nodiscard]] inline bool contains(const Box& box, const Vec3& point) {
+    return (point.array() >= box.low.array()).all() && (point.array() <= box.high.array()).all();
+}
+
 /// Welds equal positions; drops triangles that aren't finite, have no area, or repeat another one
 /// (in either direction). Patches stay.
 ///

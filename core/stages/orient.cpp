@@ -19,6 +19,7 @@ constexpr std::size_t kFewTriangles = 12;  // Pieces below are soup: oriented on
 constexpr std::size_t kMaxParts = 200;     // So many large parts are compared with one another.
 constexpr std::size_t kSamples = 60;       // Triangles of a part that are looked at.
 constexpr int kSoupPasses = 4;
+constexpr double kMostOffset = 0.5;     // Of h: how far from a triangle its sides are looked at.
 constexpr double kNotableSheet = 1e-3;  // Of all area: smaller sheets decide nothing.
 constexpr double kNotable = 1e-4;  // Of the largest part's area: below, a part contains nothing.
 
@@ -367,7 +368,9 @@ private:
 
     [[nodiscard]] Sides sides_of(const WindingNumber& winding, std::size_t i) const {
         const Vec3 area = area_vector(surface_, i);
-        const Vec3 offset = area / std::sqrt(area.norm());
+        // Not beyond the other side of what is thin.
+        const double size = std::sqrt(area.norm());
+        const Vec3 offset = std::min(1.0, kMostOffset * h_ / size) / size * area;
         const Vec3 middle = centroid(surface_, i);
         const auto others = [&](const Vec3& p) {
             return winding.at(p) - solid_angle(p, corner(surface_, i, 0), corner(surface_, i, 1),

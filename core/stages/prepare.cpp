@@ -20,6 +20,7 @@
 #include "core/parallel.h"
 #include "core/stages/clean.h"
 #include "core/stages/close_holes.h"
+#include "core/stages/close_pinholes.h"
 #include "core/stages/fill_holes.h"
 #include "core/stages/orient.h"
 #include "core/stages/skin.h"
@@ -140,10 +141,10 @@ public:
         run_.report(0.1);
         orient();
         run_.report(0.25);
-        WindingNumber winding(result_.cleaned.vertices, result_.cleaned.triangles);
         SurfaceMesh whole = result_.cleaned;
+        WindingNumber winding(whole.vertices, whole.triangles);
         if (options_.close_holes && result_.facts.boundary_edges > 0) {
-            fill(whole, winding);
+            close_rims(whole, winding);
         }
         take_skin(whole, winding);
         run_.report(0.45);
@@ -260,13 +261,27 @@ private:
         add_defects(std::move(oriented.defects));
     }
 
-    /// Adds what wide holes lack, so that all that is decided by w is right near them.
-    void fill(SurfaceMesh& whole, WindingNumber& winding) {
+    /// Adds what wide holes and pinholes lack, so that all that is decided by w is right.
+    void close_rims(SurfaceMesh& whole, WindingNumber& winding) {
         filled_ = fill_wide_holes(whole, winding, {.h = h_, .is_rough = wants_smoothing()}, run_);
-        if (filled_.filled > 0) {
-            append(whole, filled_.patches);
+        pinholes_ = close_pinholes(result_.cleaned, h_, run_);
+        if (wants_smoothing()) {
+            SurfaceMesh spanned = result_.cleaned;
+            add_pinholes(spanned);
+            rim_points_ = open_edge_points(spanned, 1);
+        }
+        append(whole, filled_.patches);
+        add_pinholes(whole);
+        if (filled_.filled > 0 || pinholes_.closed > 0) {
             winding = WindingNumber(whole.vertices, whole.triangles);
         }
+    }
+
+    /// Their triangles lie between vertices of the cleaned surface, which come first.
+    void add_pinholes(SurfaceMesh& surface) const {
+        const auto& added = pinholes_.triangles;
+        surface.triangles.insert(surface.triangles.end(), added.begin(), added.end());
+        surface.patch.insert(surface.patch.end(), pinholes_.patch.begin(), pinholes_.patch.end());
     }
 
     void take_skin(const SurfaceMesh& whole, const WindingNumber& winding) {
@@ -283,7 +298,8 @@ private:
                      " of the area) that don't separate inside from outside left out",
                  skin.dropped, skin.first_dropped);
         }
-        is_closed_ = skin.dropped_area == 0.0 && result_.facts.boundary_edges == 0;
+        is_closed_ = skin.dropped_area == 0.0 &&
+                     (result_.facts.boundary_edges == 0 || pinholes_.is_watertight);
         skin_ = std::move(skin.surface);
     }
 
@@ -291,22 +307,23 @@ private:
         // What the skin test left of a rough surface is open all over: only the input's own rims
         // count there.
         const bool is_rough = wants_smoothing();
-        const Points seeds =
-            is_rough ? open_edge_points(result_.cleaned, 1) : open_edge_points(skin_);
+        const Points seeds = is_rough ? rim_points_ : open_edge_points(skin_);
         const auto holes = close_holes(
             winding, skin_, seeds,
             {.cell = kHoleCell * h_, .gap = (is_rough ? kRoughHoleGap : kHoleGap) * h_}, run_);
         const auto& facts = result_.facts;
         if (facts.boundary_edges > 0) {
-            const double area = filled_.area + holes.area;
-            const auto patches = filled_.patches.triangles.size() + holes.patches.triangles.size();
+            const double area = pinholes_.area + filled_.area + holes.area;
+            const auto patches = pinholes_.triangles.size() + filled_.patches.triangles.size() +
+                                 holes.patches.triangles.size();
+            const auto& narrow = holes.largest ? holes.largest : pinholes_.largest;
             note("OPEN_BOUNDARY",
                  count_of(facts.boundary_loops, "open rim") + " with " +
                      count_of(facts.boundary_edges, "edge") + " closed by " +
                      count_of(static_cast<std::int64_t>(patches), "triangle") + " (" +
                      percent(area / (area + facts.area)) + " of the area), " +
                      std::to_string(filled_.filled) + " wide ones by going on smoothly",
-                 facts.boundary_loops, filled_.largest ? filled_.largest : holes.largest);
+                 facts.boundary_loops, filled_.largest ? filled_.largest : narrow);
         }
         append(skin_, holes.patches);
         if (is_rough && !holes.patches.triangles.empty()) {
@@ -382,7 +399,9 @@ private:
     double h_;
     const PrepareOptions& options_;
     RunContext& run_;
+    PinholeResult pinholes_;
     FillResult filled_;
+    Points rim_points_;  // Of what pinholes leave open, where the surface is rough.
     bool is_closed_ = false;
     SurfaceMesh skin_;
     PrepareResult result_;

@@ -1,6 +1,7 @@
 #include "core/stages/rims.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/stages/surface_math.h"
 
@@ -38,6 +39,12 @@ RimEdge rim_edge(const SurfaceMesh& surface, EdgeTable::HalfEdge half) {
     return {.middle = 0.5 * (a + b),
             .outward = (b - a).cross(area_vector(surface, triangle)).normalized(),
             .length = (b - a).norm()};
+}
+
+Rim rim_of(const SurfaceMesh& surface, std::vector<EdgeTable::HalfEdge> edges) {
+    Rim rim{.edges = std::move(edges)};
+    measure(surface, rim);
+    return rim;
 }
 
 std::vector<Rim> find_rims(const SurfaceMesh& surface, const EdgeTable& table) {

@@ -31,6 +31,9 @@ struct Rim {
     [[nodiscard]] bool is_tube_end() const { return outward.norm() > 0.7; }
 };
 
+/// A rim of the edges given, measured.
+[[nodiscard]] Rim rim_of(const SurfaceMesh& surface, std::vector<EdgeTable::HalfEdge> edges);
+
 /// The rims of an oriented surface, by their first edge in the table.
 std::vector<Rim> find_rims(const SurfaceMesh& surface, const EdgeTable& table);
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "core/pipeline.h"
 #include "tests/support/shapes.h"
 
@@ -26,6 +28,18 @@ TEST(EstimateRun, IsWithinAFactorOfTwoForARoundBody) {
 
 TEST(EstimateRun, IsWithinAFactorOfTwoForABodyWithEdges) {
     expect_within_factor_two(testing::l_shape(), 0.2);
+}
+
+TEST(EstimateRun, LeavesOutVerticesThatTheRunLeavesOut) {
+    SurfaceMesh input = testing::icosphere(3);
+    const RunEstimate sound = estimate_run(input, {.edge_length = 0.15});
+    input.vertices[0].x() = std::numeric_limits<double>::quiet_NaN();
+    input.vertices[1].y() = 1e30;
+
+    const RunEstimate estimate = estimate_run(input, {.edge_length = 0.15});
+
+    EXPECT_LT(estimate.tets, 2 * sound.tets);
+    EXPECT_LT(estimate.memory_bytes, 2 * sound.memory_bytes);
 }
 
 TEST(EstimateRun, OfASurfaceAloneIsWithinAFactorOfTwoAndKnowsNoTets) {

@@ -278,6 +278,52 @@ TEST(Pipeline, RefusesWhatEnclosesNoBody) {
     EXPECT_THROW(run_pipeline(SurfaceMesh{}, {}, run), Error);
 }
 
+TEST(Pipeline, RefusesABodyThatWouldLoseMostOfItsVolume) {
+    const SurfaceMesh plate = testing::transformed(
+        testing::unit_cube(), Vec3(20.0, 20.0, 0.4).asDiagonal(), Vec3::Zero());
+    RunContext run;
+    try {
+        run_pipeline(plate, {.edge_length = 2.0}, run);
+        FAIL() << "no error";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ErrorCode::Unmeshable);
+        EXPECT_NE(std::string(error.what()).find("too thin for edge_length 2"), std::string::npos)
+            << error.what();
+    }
+}
+
+TEST(Pipeline, TellsOfPartsThatTheEdgeLengthIsTooCoarseFor) {
+    const SurfaceMesh balls = testing::join(
+        testing::icosphere(3),
+        testing::transformed(testing::icosphere(2), 0.2 * Eigen::Matrix3d::Identity(), {2, 0, 0}));
+    RunContext run;
+
+    const auto coarse = run_pipeline(balls, {.edge_length = 0.24}, run);
+    const auto fine = run_pipeline(balls, {.edge_length = 0.12}, run);
+
+    const auto lost = [](const RemeshResult& result) {
+        const auto& defects = result.report.defects;
+        return std::any_of(defects.begin(), defects.end(),
+                           [](const Defect& defect) { return defect.code == "LOST_PARTS"; });
+    };
+    EXPECT_EQ(coarse.report.after.components, 1);
+    EXPECT_TRUE(lost(coarse));
+    EXPECT_EQ(fine.report.after.components, 2);
+    EXPECT_FALSE(lost(fine));
+}
+
+TEST(Pipeline, MeshesABallThatIsTwoEdgesAcross) {
+    RunContext run;
+
+    const auto result = run_pipeline(testing::icosphere(3), {.edge_length = 1.0}, run);
+
+    EXPECT_FALSE(check_tets(result.tets, run).any());
+    EXPECT_LT(result.report.volume_change, 0.0);
+    const auto& defects = result.report.defects;
+    EXPECT_TRUE(std::any_of(defects.begin(), defects.end(),
+                            [](const Defect& defect) { return defect.code == "VOLUME_CHANGED"; }));
+}
+
 TEST(Pipeline, RefusesAnEdgeLengthThatIsNotPositive) {
     RunContext run;
     for (const double bad : {0.0, -1.0, std::nan("")}) {

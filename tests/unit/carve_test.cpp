@@ -216,6 +216,32 @@ TEST(CarveDomain, DropsSmallParts) {
     EXPECT_GT(volume_of(kept.mesh), volume_of(dropped.mesh) + 0.5);
 }
 
+TEST(CarveDomain, KeepsTheLargestPartHoweverSmall) {
+    auto particles = ball(0.9);
+
+    const auto result = carve(particles, SphereDomain(0.9), {.min_part_volume = 1000.0});
+
+    expect_sound(result);
+    EXPECT_EQ(result.dropped_parts, 0);
+    EXPECT_GT(volume_of(result.mesh), 0.5);
+}
+
+TEST(CarveDomain, DropsPartsBelowAShareOfTheLargestAndTellsWhere) {
+    const Vec3 middle(9.0, 0.0, 0.0);
+    auto particles = ball(5.0);
+    add_ball(particles, middle, 1.5, 2);
+    const ImplicitDomain two(
+        [&](const Vec3& x) { return std::min(x.norm() - 5.0, (x - middle).norm() - 1.5); });
+
+    const auto kept = carve(particles, two, {.min_part_share = 1e-3});
+    const auto dropped = carve(particles, two, {.min_part_share = 0.1});
+
+    EXPECT_EQ(kept.notable_parts, 0);
+    EXPECT_EQ(dropped.notable_parts, 1);
+    ASSERT_TRUE(dropped.notable_part);
+    EXPECT_LT((*dropped.notable_part - middle).norm(), 1.5);
+}
+
 TEST(CarveDomain, FillsSmallVoids) {
     auto particles = ball(5.0);
     for (std::size_t i = 0; i < particles.size(); ++i) {
@@ -389,6 +415,7 @@ TEST(CarveDomain, RefusesOptionsOutOfRange) {
                              std::numeric_limits<double>::infinity()}) {
         EXPECT_THROW(validate(CarveOptions{.min_part_volume = bad}), Error);
         EXPECT_THROW(validate(CarveOptions{.max_void_volume = bad}), Error);
+        EXPECT_THROW(validate(CarveOptions{.min_part_share = bad}), Error);
     }
     EXPECT_NO_THROW(validate(CarveOptions{}));
     try {

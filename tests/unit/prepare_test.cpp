@@ -115,6 +115,31 @@ TEST(PrepareSurface, ClosesHoles) {
     EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
 }
 
+// Each missing triangle takes its solid angle from w everywhere: unless they are put back, the
+// level 1/2 lies far below the surface.
+TEST(PrepareSurface, KeepsTheVolumeWhereTrianglesAreMissingAllOver) {
+    auto ball = testing::icosphere(4);
+    const double whole = prepare(ball, 0.1).facts.volume;
+
+    const auto result = prepare(testing::with_triangles_removed(ball, 0.2, 3), 0.1);
+
+    EXPECT_NEAR(result.facts.volume, whole, 0.003 * whole);
+    EXPECT_NEAR(sampled_volume(*result.domain), whole, 0.01 * whole);
+}
+
+TEST(PrepareSurface, DoesNotCapTheEndsThatATubeHasWhereARingIsMissing) {
+    // The tube is narrower than what is filled smoothly, the gap shorter than the tube is wide.
+    auto mesh = torus(1.0, 0.1, 120, 12);
+    std::erase_if(mesh.triangles, [&](const Triangle& t) {
+        const Vec3& at = mesh.vertices[static_cast<std::size_t>(t[0])];
+        return at.x() > 0.0 && std::abs(at.y()) < 0.03;
+    });
+
+    const auto result = prepare(mesh, 0.1);
+
+    EXPECT_EQ(result.domain->region_at({1.0, 0.0, 0.0}), 1);
+}
+
 TEST(PrepareSurface, LeavesHolesOpenWhenAsked) {
     auto mesh = some_torus();
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
@@ -124,6 +149,17 @@ TEST(PrepareSurface, LeavesHolesOpenWhenAsked) {
     const auto result = prepare(mesh, 0.1, {.close_holes = false});
 
     EXPECT_GT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
+}
+
+TEST(PrepareSurface, LeavesLargeLooseTrianglesOfAThinBodyAsTheyAre) {
+    // Twelve triangles of a plate, none joined to another, each far larger than the plate is thick.
+    auto plate = testing::transformed(unit_cube(), Vec3(1.0, 1.0, 0.1).asDiagonal(), Vec3::Zero());
+    plate = testing::with_noise(testing::as_soup(plate), 1e-4, 1);
+
+    const auto result = prepare(plate, 0.1);
+
+    EXPECT_EQ(count_of(result, "FLIPPED_TRIANGLES"), 0);
+    EXPECT_NEAR(result.facts.volume, 0.1, 0.005);
 }
 
 TEST(PrepareSurface, TurnsASoupThatFacesInwardAllOver) {
