@@ -1,24 +1,27 @@
 #include "server/call.h"
 
-#include <grpcpp/security/auth_context.h>
-
 #include <array>
 
 namespace remesh {
 
 Papers papers_of(const grpc::CallbackServerContext& context) {
+    const auto peer = context.auth_context();
+    Papers papers = papers_of(context.client_metadata(), peer.get());
+    papers.peer = context.peer();
+    return papers;
+}
+
+Papers papers_of(const std::multimap<grpc::string_ref, grpc::string_ref>& headers,
+                 const grpc::AuthContext* peer) {
     Papers papers;
-    const auto& metadata = context.client_metadata();
-    if (const auto found = metadata.find("authorization"); found != metadata.end()) {
+    if (const auto found = headers.find("authorization"); found != headers.end()) {
         papers.authorization.emplace(found->second.data(), found->second.size());
     }
-    const auto peer = context.auth_context();
-    if (peer && peer->IsPeerAuthenticated()) {
+    if (peer != nullptr && peer->IsPeerAuthenticated()) {
         for (const auto& name : peer->GetPeerIdentity()) {
             papers.certificate_names.emplace_back(name.data(), name.size());
         }
     }
-    papers.peer = context.peer();
     return papers;
 }
 

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <grpcpp/security/auth_context.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
+#include <grpcpp/support/string_ref.h>
 
 #include <exception>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -22,6 +25,10 @@ struct Rule {
 
 /// What the caller of a call shows.
 [[nodiscard]] Papers papers_of(const grpc::CallbackServerContext& context);
+/// The same but for where the call comes from, which isn't known before there is a context.
+/// \param peer  may be null
+[[nodiscard]] Papers papers_of(const std::multimap<grpc::string_ref, grpc::string_ref>& headers,
+                               const grpc::AuthContext* peer);
 
 /// Whether a bearer token (empty: none) allows something, for callers that don't come by gRPC.
 [[nodiscard]] grpc::Status admission(Gate& gate, const std::string& token, Role least,
