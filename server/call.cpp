@@ -1,6 +1,7 @@
 #include "server/call.h"
 
 #include <array>
+#include <memory>
 
 namespace remesh {
 
@@ -37,6 +38,18 @@ grpc::Status admission(Gate& gate, const std::string& token, Role least, std::st
     } catch (...) {
         return to_status(std::current_exception());
     }
+}
+
+// gRPC made the messages for one call, as ones that can be changed.
+
+void free_content(const google::protobuf::Message& message) {
+    auto& content = const_cast<google::protobuf::Message&>(message);
+    const std::unique_ptr<google::protobuf::Message> empty(content.New());
+    content.GetReflection()->Swap(&content, empty.get());
+}
+
+void free_content(const grpc::ByteBuffer& message) {
+    const_cast<grpc::ByteBuffer&>(message).Clear();
 }
 
 std::string code_name(grpc::StatusCode code) {
