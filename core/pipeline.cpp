@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/mesh/preview.h"
 #include "core/mesh/quality.h"
+#include "core/number_text.h"
 #include "core/parallel.h"
 #include "core/stages/sizing/diffused_map.h"
 #include "core/stages/surface_math.h"
@@ -362,7 +363,7 @@ void validate(const RemeshOptions& options) {
     if (options.edge_length &&
         !(std::isfinite(*options.edge_length) && *options.edge_length > 0.0)) {
         throw Error(ErrorCode::InvalidInput,
-                    "edge_length must be > 0, got " + std::to_string(*options.edge_length));
+                    "edge_length must be > 0, got " + number_text(*options.edge_length));
     }
     validate(options.prepare);
     validate(options.features);

@@ -60,7 +60,9 @@ grpc::ServerUnaryReactor* ArtifactService::GetUpload(grpc::CallbackServerContext
 
 grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* ArtifactService::DownloadArtifact(
     grpc::CallbackServerContext* context, const v1::DownloadArtifactRequest* request) {
-    return new_download(room_, *context, *request);
+    auto* download = new_download(room_, *context, *request);
+    free_content(*request);
+    return download;
 }
 
 v1::Inspection ArtifactService::inspect(const std::string& tenant,

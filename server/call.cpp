@@ -1,24 +1,28 @@
 #include "server/call.h"
 
-#include <grpcpp/security/auth_context.h>
-
 #include <array>
+#include <memory>
 
 namespace remesh {
 
 Papers papers_of(const grpc::CallbackServerContext& context) {
+    const auto peer = context.auth_context();
+    Papers papers = papers_of(context.client_metadata(), peer.get());
+    papers.peer = context.peer();
+    return papers;
+}
+
+Papers papers_of(const std::multimap<grpc::string_ref, grpc::string_ref>& headers,
+                 const grpc::AuthContext* peer) {
     Papers papers;
-    const auto& metadata = context.client_metadata();
-    if (const auto found = metadata.find("authorization"); found != metadata.end()) {
+    if (const auto found = headers.find("authorization"); found != headers.end()) {
         papers.authorization.emplace(found->second.data(), found->second.size());
     }
-    const auto peer = context.auth_context();
-    if (peer && peer->IsPeerAuthenticated()) {
+    if (peer != nullptr && peer->IsPeerAuthenticated()) {
         for (const auto& name : peer->GetPeerIdentity()) {
             papers.certificate_names.emplace_back(name.data(), name.size());
         }
     }
-    papers.peer = context.peer();
     return papers;
 }
 
@@ -34,6 +38,18 @@ grpc::Status admission(Gate& gate, const std::string& token, Role least, std::st
     } catch (...) {
         return to_status(std::current_exception());
     }
+}
+
+// gRPC made the messages for one call, as ones that can be changed.
+
+void free_content(const google::protobuf::Message& message) {
+    auto& content = const_cast<google::protobuf::Message&>(message);
+    const std::unique_ptr<google::protobuf::Message> empty(content.New());
+    content.GetReflection()->Swap(&content, empty.get());
+}
+
+void free_content(const grpc::ByteBuffer& message) {
+    const_cast<grpc::ByteBuffer&>(message).Clear();
 }
 
 std::string code_name(grpc::StatusCode code) {

@@ -3,15 +3,6 @@
 #include <utility>
 
 namespace remesh {
-namespace {
-
-/// Frees what a message holds: clearing alone keeps the room of its strings and lists.
-void free_content(google::protobuf::Message& message) {
-    const std::unique_ptr<google::protobuf::Message> empty(message.New());
-    message.GetReflection()->Swap(&message, empty.get());
-}
-
-}  // namespace
 
 /// A call until its reply was sent, which may take for ever.
 class Reception::Reactor final : public grpc::ServerUnaryReactor {
@@ -20,8 +11,7 @@ public:
 
     /// Ends a call without a reply. To read that may take for ever, too, so it keeps nothing.
     void turn_down(const Call& what, const grpc::Status& status) {
-        // gRPC made it for this call, and nobody reads it any more.
-        free_content(const_cast<google::protobuf::Message&>(*what.request));
+        free_content(*what.request);
         free_content(*what.reply);
         request.reset();
         Finish(status);

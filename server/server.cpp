@@ -2,10 +2,10 @@
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/grpcpp.h>
-#include <grpcpp/health_check_service_interface.h>
 
 #include <stdexcept>
 
+#include "server/doorkeeper.h"
 #include "server/store/sqlite_job_store.h"
 
 namespace remesh {
@@ -17,6 +17,7 @@ constexpr int kExecutorThreads = 4;
 constexpr int kMaxMessageBytes = 4 << 20;
 constexpr int kMaxMetadataBytes = 16 << 10;
 constexpr int kMaxStreamsPerConnection = 4'096;
+constexpr std::size_t kMaxHealthCalls = 1'024;
 constexpr int kKeepaliveMs = 60'000;
 constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kHandshakeMs = 10'000;
@@ -66,6 +67,7 @@ Server::Server(const ServerOptions& options, const Engine& engine)
                     {options.max_artifact_bytes, options.workforce.workers.workers,
                      options.workforce.workers.threads, options.registry.limits.max_queued}),
       queue_service_(reception_, *store_, registry_),
+      health_(kMaxHealthCalls),
       housekeeper_(
           *store_, artifacts_, registry_, codec_,
           [this](const std::string& worker) { return roster_.is_alive(worker); },
@@ -91,7 +93,6 @@ Server::~Server() {
 }
 
 void Server::listen(const ServerOptions& options) {
-    grpc::EnableDefaultHealthCheckService(true);
     if (options.with_reflection) {
         grpc::reflection::InitProtoReflectionServerBuilderPlugin();
     }
@@ -110,13 +111,17 @@ void Server::listen(const ServerOptions& options) {
     builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kMaxIdleMs);
     builder.AddChannelArgument(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, kLookaheadBytes);
     acceptor_ = std::make_unique<Acceptor>(options.listen, options.max_connections);
+    const auto credentials = server_credentials(options.tls);
+    if (options.requires_credentials && options.tls.is_on()) {
+        credentials->SetAuthMetadataProcessor(std::make_shared<Doorkeeper>(gate_));
+    }
     door_ = builder.experimental().AddExternalConnectionAcceptor(
-        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
-        server_credentials(options.tls));
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
     builder.RegisterService(&jobs_);
     builder.RegisterService(&artifact_service_);
     builder.RegisterService(&capabilities_);
     builder.RegisterService(&queue_service_);
+    builder.RegisterCallbackGenericService(&health_);
     server_ = builder.BuildAndStart();
     if (!server_) {
         throw std::runtime_error("can't serve on " + options.listen);
@@ -138,7 +143,7 @@ bool Server::is_ready() const {
 }
 
 bool Server::shut_down(std::chrono::milliseconds grace) {
-    server_->GetHealthCheckService()->SetServingStatus(false);
+    health_.stop_serving();
     registry_.drain();
     workforce_->drain();
     const bool is_idle = workforce_->finish(grace);

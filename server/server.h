@@ -10,6 +10,7 @@
 #include "server/auth/gate.h"
 #include "server/convert.h"
 #include "server/executor.h"
+#include "server/health_service.h"
 #include "server/jobs/housekeeper.h"
 #include "server/jobs/worker_pool.h"
 #include "server/metrics.h"
@@ -115,6 +116,7 @@ private:
     ArtifactService artifact_service_;
     CapabilityService capabilities_;
     QueueService queue_service_;
+    HealthService health_;
     std::unique_ptr<Acceptor> acceptor_;
     std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> door_;
     std::unique_ptr<grpc::Server> server_;

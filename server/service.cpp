@@ -170,9 +170,11 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
     const bool is_read =
         grpc::SerializationTraits<v1::WatchJobRequest>::Deserialize(&copy, &request).ok();
     request.DiscardUnknownFields();
+    const std::size_t size = bytes->Length();
+    free_content(*bytes);
     return watches_.open(executor_, [=, this](WatchTarget& target) {
         return guarded(gate_, *context, kWatch, [&](const Principal& who, std::string&) {
-            require_small_request(bytes->Length());
+            require_small_request(size);
             if (!is_read) {
                 refuse("request", "must be a WatchJobRequest");
             }
@@ -187,11 +189,14 @@ grpc::ServerWriteReactor<grpc::ByteBuffer>* JobService::WatchJob(
 grpc::ServerWriteReactor<v1::QueueEvent>* JobService::WatchQueue(
     grpc::CallbackServerContext* context, const v1::WatchQueueRequest* request) {
     return queue_watches_.open(executor_, [=, this](Principal& caller) {
-        return guarded(gate_, *context, kWatchQueue, [&](const Principal& who, std::string&) {
-            require_small_request(request->SpaceUsedLong());
-            require_own(who.tenant, request->parent());
-            caller = who;
-        });
+        const grpc::Status status =
+            guarded(gate_, *context, kWatchQueue, [&](const Principal& who, std::string&) {
+                require_small_request(request->SpaceUsedLong());
+                require_own(who.tenant, request->parent());
+                caller = who;
+            });
+        free_content(*request);
+        return status;
     });
 }
 

@@ -197,6 +197,7 @@ private:
         // Before the answer, so that whoever gets it finds them free.
         upload_.reset();
         slot_.reset();
+        chunk_ = {};
         Finish(status);
     }
 

@@ -44,6 +44,7 @@ struct TransferRoom {
 [[nodiscard]] grpc::ServerReadReactor<v1::UploadArtifactRequest>* new_upload(
     const TransferRoom& room, const grpc::CallbackServerContext& context,
     v1::UploadArtifactResponse& reply);
+/// Copies the request.
 [[nodiscard]] grpc::ServerWriteReactor<v1::DownloadArtifactResponse>* new_download(
     const TransferRoom& room, const grpc::CallbackServerContext& context,
     const v1::DownloadArtifactRequest& request);

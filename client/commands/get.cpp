@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,16 +20,21 @@ struct GetArguments {
     std::string kind;
 };
 
+/// All kinds that an output may have, by their words.
+std::map<std::string, v1::Output::Kind> kinds() {
+    std::map<std::string, v1::Output::Kind> kinds;
+    const auto& values = *v1::Output::Kind_descriptor();
+    for (int i = 1; i < values.value_count(); ++i) {
+        const auto kind = static_cast<v1::Output::Kind>(values.value(i)->number());
+        kinds[kind_word(kind)] = kind;
+    }
+    return kinds;
+}
+
 const v1::Output& chosen_output(const v1::Job& job, const GetArguments& arguments,
                                 const std::string& target) {
     if (!arguments.kind.empty()) {
-        v1::Output::Kind kind = v1::Output::KIND_UNSPECIFIED;
-        for (const v1::Output& output : outputs_of(job)) {
-            if (kind_word(output.kind()) == arguments.kind) {
-                kind = output.kind();
-            }
-        }
-        return output_of(job, kind);
+        return output_of(job, kinds().at(arguments.kind));
     }
     return arguments.format.empty() ? output_for(job, target)
                                     : output_in(job, format_named(arguments.format));
@@ -72,10 +78,13 @@ void add_get(CLI::App& app, Action& chosen) {
         ->required();
     command->add_option("--format", arguments->format, "Pick by format, whatever the name")
         ->type_name("FORMAT");
+    std::vector<std::string> words;
+    for (const auto& [word, kind] : kinds()) {
+        words.push_back(word);
+    }
     command->add_option("--kind", arguments->kind, "Pick by kind, whatever the name")
-        ->type_name("surface|tetrahedra|report|report_page|preview")
-        ->check(CLI::IsMember({"surface", "tetrahedra", "report", "report_page", "preview"})
-                    .description(""));
+        ->type_name(fmt::format("{}", fmt::join(words, "|")))
+        ->check(CLI::IsMember(words).description(""));
     command->callback([arguments, &chosen] {
         chosen = [arguments](Session& session) { return get(*arguments, session); };
     });

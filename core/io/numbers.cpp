@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/number_text.h"
 
 namespace remesh::io {
 namespace {
@@ -14,7 +15,7 @@ std::int64_t to_integer(T value) {
         constexpr double kExact = 9007199254740992.0;
         if (!(std::abs(static_cast<double>(value)) < kExact) || std::trunc(value) != value) {
             throw Error(ErrorCode::InvalidInput,
-                        "an array of whole numbers holds " + std::to_string(value));
+                        "an array of whole numbers holds " + number_text(value));
         }
     }
     return static_cast<std::int64_t>(value);

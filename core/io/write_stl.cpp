@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/io/output.h"
 #include "core/io/writers.h"
+#include "core/number_text.h"
 
 namespace remesh::io {
 namespace {
@@ -15,7 +16,7 @@ namespace {
 float single(double value) {
     if (std::abs(value) > double{std::numeric_limits<float>::max()} && std::isfinite(value)) {
         throw Error(ErrorCode::InvalidInput,
-                    "STL holds single precision, in which the coordinate " + std::to_string(value) +
+                    "STL holds single precision, in which the coordinate " + number_text(value) +
                         " doesn't fit");
     }
     return static_cast<float>(value) + 0.0F;

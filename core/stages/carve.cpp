@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/number_text.h"
 #include "core/parallel.h"
 #include "core/stages/manifold_labels.h"
 
@@ -296,7 +297,7 @@ void require_at_least_zero(const char* field, double value) {
     if (!(value >= 0.0) || !std::isfinite(value)) {
         throw Error(ErrorCode::InvalidInput, "carve." + std::string(field) +
                                                  " must be at least 0 and finite, got " +
-                                                 std::to_string(value));
+                                                 number_text(value));
     }
 }
 

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/geometry/bvh.h"
 #include "core/geometry/edge_table.h"
+#include "core/number_text.h"
 #include "core/stages/surface_math.h"
 
 namespace remesh {
@@ -269,8 +270,8 @@ private:
 
 void require(bool ok, const std::string& field, const std::string& range, double value) {
     if (!ok) {
-        throw Error(ErrorCode::InvalidInput, "features." + field + " must be in " + range +
-                                                 ", got " + std::to_string(value));
+        throw Error(ErrorCode::InvalidInput,
+                    "features." + field + " must be in " + range + ", got " + number_text(value));
     }
 }
 

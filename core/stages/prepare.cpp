@@ -17,6 +17,7 @@
 #include "core/geometry/surface_domain.h"
 #include "core/geometry/wide_tree.h"
 #include "core/geometry/winding_number.h"
+#include "core/number_text.h"
 #include "core/parallel.h"
 #include "core/stages/clean.h"
 #include "core/stages/close_holes.h"
@@ -410,7 +411,7 @@ private:
 void require(bool ok, const std::string& field, const std::string& range, double value) {
     if (!ok) {
         throw Error(ErrorCode::InvalidInput,
-                    "prepare." + field + " must be in " + range + ", got " + std::to_string(value));
+                    "prepare." + field + " must be in " + range + ", got " + number_text(value));
     }
 }
 
@@ -428,7 +429,7 @@ PrepareResult prepare_surface(const SurfaceMesh& input, double h, const PrepareO
     validate(options);
     if (!(h > 0.0) || !std::isfinite(h)) {
         throw Error(ErrorCode::InvalidInput,
-                    "edge_length must be greater than 0, got " + std::to_string(h));
+                    "edge_length must be greater than 0, got " + number_text(h));
     }
     return Preparation(h, options, run).prepare(input);
 }

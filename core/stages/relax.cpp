@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/geometry/curve_track.h"
 #include "core/mesh/index.h"
+#include "core/number_text.h"
 #include "core/stages/relax_dynamics.h"
 
 namespace remesh {
@@ -240,7 +241,7 @@ void validate(const RelaxOptions& options) {
     const auto check = [](const char* field, double value, bool is_good, const char* range) {
         if (!is_good) {
             throw Error(ErrorCode::InvalidInput, std::string("relax.") + field + " must be " +
-                                                     range + ", got " + std::to_string(value));
+                                                     range + ", got " + number_text(value));
         }
     };
     const auto is_positive = [](double value) { return std::isfinite(value) && value > 0.0; };

@@ -11,6 +11,7 @@
 #include "core/geometry/curve_track.h"
 #include "core/geometry/dart_grid.h"
 #include "core/mesh/index.h"
+#include "core/number_text.h"
 #include "core/parallel.h"
 
 namespace remesh {
@@ -292,9 +293,9 @@ Particles in_spatial_order(const Particles& particles, std::size_t first, const 
 void validate(const SeedOptions& options) {
     const auto check = [](const char* field, double value, double low, double high) {
         if (!(value >= low && value <= high)) {
-            throw Error(ErrorCode::InvalidInput,
-                        std::string("seed.") + field + " must be in [" + std::to_string(low) +
-                            ", " + std::to_string(high) + "], got " + std::to_string(value));
+            throw Error(ErrorCode::InvalidInput, std::string("seed.") + field + " must be in [" +
+                                                     number_text(low) + ", " + number_text(high) +
+                                                     "], got " + number_text(value));
         }
     };
     check("dart_radius", options.dart_radius, 0.5, 1.0);

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/geometry/lipschitz_field.h"
 #include "core/geometry/sample_source.h"
+#include "core/number_text.h"
 #include "core/parallel.h"
 #include "core/stages/sizing/curvature.h"
 #include "core/stages/sizing/diffused_map.h"
@@ -177,7 +178,7 @@ public:
                        const std::string& range) {
         if (!is_good) {
             throw Error(ErrorCode::InvalidInput,
-                        "sizing." + field + " must be " + range + ", got " + std::to_string(value));
+                        "sizing." + field + " must be " + range + ", got " + number_text(value));
         }
     }
     static void length(const std::string& field, double value) {
@@ -298,7 +299,7 @@ void validate(const SizingOptions& options, std::optional<double> edge_length) {
     if (options.min_size && max_size) {
         Checker::number("min_size", *options.min_size, *options.min_size <= *max_size,
                         "at most " + std::string(options.max_size ? "max_size" : "edge_length") +
-                            " = " + std::to_string(*max_size));
+                            " = " + number_text(*max_size));
     }
     if (options.elements_across) {
         Checker::number("elements_across", *options.elements_across,

@@ -12,6 +12,12 @@ constexpr std::string_view kBearer = "Bearer ";
 // disk.
 constexpr std::chrono::seconds kRefusalInterval{1};
 
+constexpr std::chrono::minutes kStrangerInterval{1};
+
+AccessError stranger() {
+    return {AccessErrorCode::Unauthenticated, "a valid token or client certificate is needed"};
+}
+
 constexpr std::array<std::string_view, 3> kRoleNames{"viewer", "user", "operator"};
 
 }  // namespace
@@ -56,8 +62,7 @@ Principal Gate::admit(const Papers& papers, Role least, std::string_view action)
                credential->kind == Credential::Kind::Certificate};
     } else if (requires_credentials_ || shows_any) {
         note_refusal(papers, action, "UNAUTHENTICATED", {});
-        throw AccessError(AccessErrorCode::Unauthenticated,
-                          "a valid token or client certificate is needed");
+        throw stranger();
     }
     if (who.role < least) {
         note_refusal(papers, action, "PERMISSION_DENIED", who);
@@ -66,6 +71,24 @@ Principal Gate::admit(const Papers& papers, Role least, std::string_view action)
                               ", the credential's is " + std::string(role_name(who.role)));
     }
     return who;
+}
+
+void Gate::require_acquaintance(const Papers& papers) {
+    const Time now = clock_();
+    if (credential_of(papers, now)) {
+        return;
+    }
+    const std::scoped_lock lock(mutex_);
+    const Time latest = now + kStrangers * kStrangerInterval;
+    if (strangers_until_ > latest) {
+        strangers_until_ = now;  // The clock was set back.
+    }
+    const Time next = std::max(strangers_until_, now) + kStrangerInterval;
+    if (next > latest) {
+        ++unwritten_refusals_;
+        throw stranger();
+    }
+    strangers_until_ = next;
 }
 
 std::optional<Credential> Gate::credential_of(const Papers& papers, Time now) {

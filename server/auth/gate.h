@@ -28,11 +28,18 @@ class Gate {
 public:
     using Clock = std::function<Time()>;
 
+    /// Strangers whom `require_acquaintance` lets pass at once; then, one a minute.
+    static constexpr int kStrangers = 64;
+
     /// \param requires_credentials  false: a caller without any is the default tenant's operator
     Gate(const std::filesystem::path& data_dir, bool requires_credentials, Clock clock = {});
 
     /// \throws AccessError if the papers aren't valid or don't allow what `least` may do
     [[nodiscard]] Principal admit(const Papers& papers, Role least, std::string_view action);
+    /// Asked before it is known where a call comes from: lets pass who shows a valid credential,
+    /// and few enough others that `admit` can write down where they are. The rest are counted.
+    /// \throws AccessError{Unauthenticated}
+    void require_acquaintance(const Papers& papers);
     /// Whether somebody who was let in would still be.
     [[nodiscard]] bool is_still_valid(const Principal& who);
 
@@ -56,6 +63,7 @@ private:
     std::mutex mutex_;
     std::optional<Time> last_refusal_{};   // needs mutex_; the last one that was written down
     std::int64_t unwritten_refusals_ = 0;  // needs mutex_
+    Time strangers_until_{};               // needs mutex_; what those who passed have used up
 };
 
 }  // namespace remesh

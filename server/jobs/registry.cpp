@@ -57,9 +57,17 @@ JobView JobRegistry::submit(const Submission& submission) {
                options_.max_attempts,
                request.inputs(),
                codec_.cache_key(submission.spec),
-               !request.skip_cache,
+               false,
                {}};
+    job.may_reuse = !request.skip_cache && is_result_whole(submission.tenant, job.cache_key);
     return create(job);
+}
+
+bool JobRegistry::is_result_whole(const std::string& tenant, const std::string& cache_key) const {
+    const auto outputs = store_.reusable_outputs(tenant, cache_key);
+    return std::all_of(outputs.begin(), outputs.end(), [&](const std::string& output) {
+        return artifacts_.find_whole(tenant, output).has_value();
+    });
 }
 
 JobView JobRegistry::check_only(const Submission& submission, const JobRequest& request) {

@@ -84,6 +84,9 @@ public:
 private:
     void listen(ChangeFeed& feed, const std::stop_token& stop);
     [[nodiscard]] JobView check_only(const Submission& submission, const JobRequest& request);
+    /// Whether the files of a result that answers equal jobs are all there, as far as is known.
+    [[nodiscard]] bool is_result_whole(const std::string& tenant,
+                                       const std::string& cache_key) const;
     [[nodiscard]] JobView create(const NewJob& job);
     [[nodiscard]] JobView view_of(JobRecord job);
     void notify(const JobKey& key) const;

@@ -60,6 +60,10 @@ public:
     /// it may reuse a result and one of its tenant and cache key is there, the job gets that.
     virtual Creation create(const NewJob& job, const QueueLimits& limits, Time now) = 0;
     virtual std::optional<JobRecord> find(const JobKey& key) = 0;
+    /// Digests of the outputs that a job of this cache key would get now, each once; none if there
+    /// is no such result.
+    virtual std::vector<std::string> reusable_outputs(const std::string& tenant,
+                                                      const std::string& cache_key) = 0;
     /// Newest first.
     virtual std::vector<JobRecord> list(const ListQuery& query) = 0;
     /// How many of its tenant's jobs will be claimed before this one; 0 unless it is Queued. What

@@ -56,14 +56,17 @@ std::optional<Creation> find_obstacle(Connection& connection, const NewJob& job,
     return std::nullopt;
 }
 
+// The job whose result answers those of a tenant and cache key.
+constexpr std::string_view kResult =
+    "FROM jobs WHERE tenant = ? AND cache_key = ? AND state = 'succeeded' "
+    "ORDER BY number DESC LIMIT 1";
+
 /// Ends a new job with the result of another one that has the same cache key, if there is one.
 void answer_from_cache(Connection& connection, JobRecord& job, const std::string& cache_key,
                        Time now) {
     std::int64_t source = 0;
     {
-        Statement row(connection,
-                      "SELECT number, id, outcome FROM jobs WHERE tenant = ? AND cache_key = ? "
-                      "AND state = 'succeeded' ORDER BY number DESC LIMIT 1");
+        Statement row(connection, std::string("SELECT number, id, outcome ").append(kResult));
         row.bind(job.key.tenant).bind(cache_key);
         if (!row.next()) {
             return;
@@ -132,6 +135,23 @@ Creation Store::create(const NewJob& job, const QueueLimits& limits, Time now) {
 
 std::optional<JobRecord> Store::find(const JobKey& key) {
     return read([&](Connection& connection) { return find_job(connection, key); });
+}
+
+std::vector<std::string> Store::reusable_outputs(const std::string& tenant,
+                                                 const std::string& cache_key) {
+    return read([&](Connection& connection) {
+        Statement row(connection,
+                      std::string("SELECT DISTINCT sha256 FROM job_artifacts WHERE role = 'output' "
+                                  "AND job = (SELECT number ")
+                          .append(kResult)
+                          .append(") ORDER BY sha256"));
+        row.bind(tenant).bind(cache_key);
+        std::vector<std::string> digests;
+        while (row.next()) {
+            digests.push_back(row.text(0));
+        }
+        return digests;
+    });
 }
 
 std::vector<JobRecord> Store::list(const ListQuery& query) {

@@ -20,6 +20,8 @@ public:
 
     Creation create(const NewJob& job, const QueueLimits& limits, Time now) override;
     std::optional<JobRecord> find(const JobKey& key) override;
+    std::vector<std::string> reusable_outputs(const std::string& tenant,
+                                              const std::string& cache_key) override;
     std::vector<JobRecord> list(const ListQuery& query) override;
     std::int64_t queue_position(const JobRecord& job) override;
     std::vector<StoredEvent> events_after(const JobKey& key, std::int64_t sequence,

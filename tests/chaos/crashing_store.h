@@ -80,6 +80,10 @@ public:
     }
 
     std::optional<JobRecord> find(const JobKey& key) override { return store_.find(key); }
+    std::vector<std::string> reusable_outputs(const std::string& tenant,
+                                              const std::string& cache_key) override {
+        return store_.reusable_outputs(tenant, cache_key);
+    }
     std::vector<JobRecord> list(const ListQuery& query) override { return store_.list(query); }
     std::int64_t queue_position(const JobRecord& job) override {
         return store_.queue_position(job);

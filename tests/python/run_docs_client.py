@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 
+import moody
 from serving import serving
 
 
@@ -26,7 +27,7 @@ def main(repository, remeshd):
         subprocess.run(["bash", "-e", "-c", commands], cwd=folder, check=True)
         with open(os.path.join(folder, "client.py"), "w", encoding="utf-8") as file:
             file.write(block(text, "python"))
-        with serving(remeshd, folder) as (address, _):
+        with serving(remeshd, folder) as (server, _), moody.before(server) as address:
             mesh = os.path.join(repository, "tests", "data", "aorta.stl")
             for _ in range(2):  # The second time nothing has to be uploaded.
                 result = subprocess.run(

@@ -162,6 +162,20 @@ TEST_F(Client, SaysWhatThereIsToGet) {
                 HasSubstr("mesh.vtu (tetrahedra), mesh.ply (surface), report.json (report)"));
 }
 
+TEST_F(Client, PicksAnOutputByItsKindWhateverTheName) {
+    remesh({"run", input_});
+    const auto get = [&](const std::string& kind) {
+        return remesh({"get", "tenants/default/jobs/001", "--kind", kind, "-o", "x.obj"});
+    };
+
+    EXPECT_EQ(get("surface").exit_code, 0);
+    EXPECT_EQ(content_of(folder_.path() / "x.obj"), FakeServer::content_of(v1::FORMAT_PLY));
+    const auto absent = get("preview_tetrahedra");
+    EXPECT_EQ(absent.exit_code, 3);
+    EXPECT_THAT(absent.last_error_line(), HasSubstr("no output for preview_tetrahedra"));
+    EXPECT_EQ(get("tets").exit_code, 2);
+}
+
 TEST_F(Client, KeepsControlCharactersOfALabelFromTheTerminal) {
     v1::Job job;
     (*job.mutable_spec()->mutable_labels())["note"] = "\x1b[2Jred\x07";

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/store/sqlite.h"
 #include "tests/support/test_server.h"
 
 namespace remesh {
@@ -39,23 +40,50 @@ public:
 
     /// Asks for a job and waits until the server has begun to answer.
     void ask_for(const std::string& name) {
-        v1::GetJobRequest request;
+        send(name, &v1::JobService::Stub::AsyncGetJob);
+        wait_for_one();
+    }
+    /// Makes a call about a job.
+    template <typename Request>
+    void send(const std::string& name,
+              std::unique_ptr<grpc::ClientAsyncResponseReader<v1::Job>> (
+                  v1::JobService::Stub::*method)(grpc::ClientContext*, const Request&,
+                                                 grpc::CompletionQueue*)) {
+        Request request;
         request.set_name(name);
         auto& call = calls_.emplace_back(std::make_unique<Call>(token_));
-        call->reader = jobs_->AsyncGetJob(&call->context, request, &queue_);
+        call->reader = ((*jobs_).*method)(&call->context, request, &queue_);
         call->reader->ReadInitialMetadata(call.get());
+        ++unanswered_;
+    }
+    /// Waits until the server has begun to answer one more.
+    void wait_for_one() {
         wait();
+        --unanswered_;
+    }
+    void wait_for_all() {
+        while (unanswered_ > 0) {
+            wait_for_one();
+        }
     }
     /// Leaves without an answer.
     void release() {
         for (const auto& call : calls_) {
             call->context.TryCancel();
+        }
+        read();
+    }
+    /// Reads what the calls were answered with.
+    std::vector<grpc::Status> read() {
+        wait_for_all();
+        std::vector<grpc::Status> statuses;
+        for (const auto& call : calls_) {
             v1::Job job;
-            grpc::Status status;
-            call->reader->Finish(&job, &status, call.get());
+            call->reader->Finish(&job, &statuses.emplace_back(), call.get());
             wait();
         }
         calls_.clear();
+        return statuses;
     }
 
 private:
@@ -75,6 +103,7 @@ private:
     std::unique_ptr<v1::JobService::Stub> jobs_;
     grpc::CompletionQueue queue_;
     std::vector<std::unique_ptr<Call>> calls_;
+    int unanswered_ = 0;
 };
 
 /// A server of two clinics, one of which has a job that takes 800 kB to tell.
@@ -152,6 +181,38 @@ TEST_F(HeldCalls, AreLimitedInBytesForATenantAtATime) {
     EXPECT_TRUE(call_as(lab).ok()) << "it has its own";
     hoarder.release();
     EXPECT_TRUE(call_again().ok());
+}
+
+TEST_F(HeldCalls, AreLimitedInBytesAlsoIfTheyWereLetInBefore) {
+    constexpr int kCalls = 10;
+    serve({.max_calls_of_tenant = kCalls, .max_bytes_of_tenant = 2'000'000});
+    Hoarder laggard(*server, lab);
+    Hoarder hoarder(*server, clinic);
+    {
+        // Whoever writes waits for the test; one call too many is refused, after all others wait.
+        sqlite::Connection store((server->data_dir() / "remesh.sqlite").string(),
+                                 sqlite::Connection::Mode::ReadWrite);
+        const sqlite::Transaction nobody_else_writes(store);
+        for (int i = 0; i <= kCalls; ++i) {
+            laggard.send("tenants/lab/jobs/none", &v1::JobService::Stub::AsyncCancelJob);
+        }
+        laggard.wait_for_one();
+        for (int i = 0; i <= kCalls; ++i) {
+            hoarder.send(name, &v1::JobService::Stub::AsyncGetJob);
+        }
+        hoarder.wait_for_one();
+    }
+    hoarder.wait_for_all();
+
+    int refused = 0;
+    for (const grpc::Status& status : hoarder.read()) {
+        refused += status.error_message() == "a tenant has at most 2000000 bytes of calls at a time"
+                       ? 1
+                       : 0;
+    }
+
+    // Two replies pass the bound, and three more may be at work by then.
+    EXPECT_GE(refused, kCalls - 5);
 }
 
 TEST_F(HeldCalls, AreLimitedForAllTenantsTogether) {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
+#include <fstream>
 
 #include "core/error.h"
 #include "server/healthcheck.h"
@@ -162,6 +164,40 @@ TEST(Service, AnswersAnEqualJobByTheResultUnlessToldNotTo) {
     EXPECT_TRUE(server.watch(again.name()).back().has_completed());
     EXPECT_EQ(anew.state(), v1::Job::STATE_QUEUED);
     EXPECT_EQ(other.state(), v1::Job::STATE_QUEUED);
+}
+
+TEST(Service, RunsAJobAgainWhoseEqualsResultIsKnownToBeDamaged) {
+    TestServer server(kCopy);
+    const v1::CreateJobRequest request = server.request_for("mesh");
+    const auto run = [&] {
+        v1::Job job;
+        server.create(request, &job);
+        return server.watch(job.name()).back().completed();
+    };
+    const v1::Job first = run();
+    const auto digest = first.result().outputs(0).digest().sha256();
+    const auto file = server.data_dir() / "tenants/default/artifacts" / digest;
+    std::string whole;
+    ASSERT_TRUE(server.download(digest, 0, 0, &whole).ok());
+    ASSERT_EQ(run().origin(), first.name());
+
+    const auto lose = [&] { std::filesystem::remove(file); };
+    const auto cut = [&] { std::filesystem::resize_file(file, whole.size() - 1); };
+    const auto rot = [&] {
+        std::ofstream(file) << std::string(whole.size(), 'x');
+        std::string bytes;
+        EXPECT_EQ(server.download(digest, 0, 0, &bytes).error_code(), grpc::StatusCode::DATA_LOSS);
+    };
+    for (const std::function<void()>& damage : {std::function<void()>(lose), {cut}, {rot}}) {
+        damage();
+        const v1::Job anew = run();
+        EXPECT_EQ(anew.attempt(), 1);
+        EXPECT_EQ(anew.origin(), "");
+        std::string bytes;
+        EXPECT_TRUE(server.download(digest, 0, 0, &bytes).ok());
+        EXPECT_EQ(bytes, whole);
+        EXPECT_EQ(run().origin(), anew.name());
+    }
 }
 
 TEST(Service, TriesAFailedJobAgainAsANewOne) {

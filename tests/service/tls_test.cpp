@@ -12,8 +12,10 @@
 #include <unistd.h>
 #include <vector>
 
+#include "server/healthcheck.h"
 #include "tests/service/prometheus_text.h"
 #include "tests/support/certificates.h"
+#include "tests/support/silent_call.h"
 #include "tests/support/test_server.h"
 
 namespace remesh {
@@ -26,6 +28,7 @@ using testing::Identity;
 using ::testing::Not;
 using testing::PrometheusText;
 using testing::ScriptedEngine;
+using testing::SilentCall;
 using testing::TemporaryDirectory;
 using testing::TestServer;
 
@@ -121,6 +124,29 @@ TEST_F(Tls, DoesntLetInACertificateOfAnotherAuthority) {
     server.connect(trusting(server_authority_, server_authority_.issue("DNS:pipeline")));
 
     EXPECT_FALSE(ask(server).ok());
+}
+
+TEST_F(Tls, EndsCallsOfStrangersWithoutWaitingForTheirMessages) {
+    TestServer server(kCopy, with_tls());
+    server.connect(trusting(server_authority_));
+    for (int i = 0; i < Gate::kStrangers; ++i) {
+        EXPECT_EQ(ask(server).error_code(), grpc::StatusCode::UNAUTHENTICATED);
+    }
+
+    const SilentCall stranger(server.channel, "/remesh.v1.JobService/GetJob");
+    EXPECT_EQ(stranger.end().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+    EXPECT_EQ(stranger.end().error_message(), "a valid token or client certificate is needed");
+    const SilentCall forger(server.channel, "/remesh.v1.JobService/WatchJob", "remesh_1");
+    EXPECT_EQ(forger.end().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+
+    EXPECT_TRUE(is_serving(server.address(), server_authority_.certificate()));
+    server.token = server.token_for("clinic");
+    EXPECT_TRUE(ask(server).ok());
+    server.connect(trusting(server_authority_, client_authority_.issue("DNS:pipeline")));
+    AccessStore(server.data_dir())
+        .allow_certificate("pipeline", {"clinic", Role::User, "", {}}, system_now());
+    server.token.clear();
+    EXPECT_TRUE(ask(server).ok());
 }
 
 TEST_F(Tls, TakesUpACertificateThatWasReplaced) {

@@ -63,6 +63,20 @@ std::optional<JobRecord> ModelJobStore::find(const JobKey& key) {
     return entry ? std::optional(entry->job) : std::nullopt;
 }
 
+std::vector<std::string> ModelJobStore::reusable_outputs(const std::string& tenant,
+                                                         const std::string& cache_key) {
+    const std::scoped_lock lock(mutex_);
+    std::set<std::string> digests;
+    if (const Entry* source = result_for(tenant, cache_key)) {
+        for (const auto& [role, sha256] : source->references) {
+            if (role == "output") {
+                digests.insert(sha256);
+            }
+        }
+    }
+    return {digests.begin(), digests.end()};
+}
+
 std::vector<JobRecord> ModelJobStore::list(const ListQuery& query) {
     const std::scoped_lock lock(mutex_);
     std::vector<JobRecord> found;
@@ -267,6 +281,15 @@ std::int64_t ModelJobStore::count(JobState state, const std::optional<std::strin
     });
 }
 
+ModelJobStore::Entry* ModelJobStore::result_for(const std::string& tenant,
+                                                const std::string& cache_key) {
+    const auto found = std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const Entry& entry) {
+        return !cache_key.empty() && entry.job.key.tenant == tenant &&
+               entry.cache_key == cache_key && entry.job.state == JobState::Succeeded;
+    });
+    return found == jobs_.rend() ? nullptr : &*found;
+}
+
 JobRecord ModelJobStore::add(const NewJob& job, Time now) {
     Entry entry;
     entry.job = {.key = job.key, .number = ++last_number_, .spec = job.spec};
@@ -279,15 +302,7 @@ JobRecord ModelJobStore::add(const NewJob& job, Time now) {
     for (const std::string& input : job.inputs) {
         entry.references.insert({"input", input});
     }
-    const Entry* source = nullptr;
-    if (job.may_reuse && !job.cache_key.empty()) {
-        for (const Entry& other : jobs_) {
-            if (other.job.key.tenant == job.key.tenant && other.cache_key == job.cache_key &&
-                other.job.state == JobState::Succeeded) {
-                source = &other;
-            }
-        }
-    }
+    const Entry* source = job.may_reuse ? result_for(job.key.tenant, job.cache_key) : nullptr;
     enter(entry, JobState::Queued, now);
     if (source) {
         for (const auto& [role, sha256] : source->references) {

@@ -22,6 +22,8 @@ class ModelJobStore final : public JobStore {
 public:
     Creation create(const NewJob& job, const QueueLimits& limits, Time now) override;
     std::optional<JobRecord> find(const JobKey& key) override;
+    std::vector<std::string> reusable_outputs(const std::string& tenant,
+                                              const std::string& cache_key) override;
     std::vector<JobRecord> list(const ListQuery& query) override;
     std::int64_t queue_position(const JobRecord& job) override;
     std::vector<StoredEvent> events_after(const JobKey& key, std::int64_t sequence,
@@ -75,6 +77,8 @@ private:
                             std::int64_t limit = 0);
     Entry* entry_of(const JobKey& key);
     Entry* claimed(const Claim& claim);
+    /// The job whose result answers those of a cache key.
+    Entry* result_for(const std::string& tenant, const std::string& cache_key);
     /// The jobs whose end is as wanted, by it.
     template <typename IsWanted>
     std::vector<JobKey> ended(IsWanted is_wanted) const;

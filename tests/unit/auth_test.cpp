@@ -166,6 +166,43 @@ TEST_F(Auth, WritesDownRefusalsAlsoWhenTheClockWasSetBack) {
     EXPECT_EQ(AuditLog(directory_.path()).verify().entries, 2);
 }
 
+TEST_F(Auth, LetsFewStrangersPassToWhereTheyAreWrittenDown) {
+    Time now = kNoon;
+    const auto issued =
+        AccessStore(directory_.path()).create_token({"clinic", Role::Viewer, "", {}}, kNoon);
+    Gate gate(directory_.path(), true, [&now] { return now; });
+
+    for (int i = 0; i < Gate::kStrangers; ++i) {
+        EXPECT_NO_THROW(gate.require_acquaintance({}));
+    }
+
+    EXPECT_THROW(gate.require_acquaintance({}), AccessError);
+    EXPECT_THROW(gate.require_acquaintance(bearer("remesh_1")), AccessError);
+    EXPECT_NO_THROW(gate.require_acquaintance(bearer(issued.token)));
+    now += std::chrono::minutes(1);
+    EXPECT_NO_THROW(gate.require_acquaintance({}));
+    EXPECT_THROW(static_cast<void>(gate.admit({}, Role::Viewer, "GetJob")), AccessError);
+    EXPECT_THROW(gate.require_acquaintance({}), AccessError);
+
+    std::vector<std::string> subjects;
+    AuditLog(directory_.path()).for_each([&](const AuditRecord& record) {
+        subjects.push_back(record.entry.subject);
+    });
+    EXPECT_THAT(subjects, ::testing::ElementsAre("2 more before"));
+}
+
+TEST_F(Auth, LetsStrangersPassAlsoWhenTheClockWasSetBack) {
+    Time now = kNoon;
+    Gate gate(directory_.path(), true, [&now] { return now; });
+    for (int i = 0; i < Gate::kStrangers; ++i) {
+        gate.require_acquaintance({});
+    }
+
+    now -= std::chrono::hours(24);
+
+    EXPECT_NO_THROW(gate.require_acquaintance({}));
+}
+
 TEST_F(Auth, VerifiesALogThatNobodyTouched) {
     AuditLog log(directory_.path());
     for (const char* action : {"CreateJob", "CancelJob", "DeleteJob"}) {

@@ -260,6 +260,8 @@ TEST(ValidateSizing, NamesTheFieldItsRangeAndTheValue) {
     EXPECT_THAT(refusal_of({.min_size = 2.0}),
                 HasSubstr("sizing.min_size must be at most edge_length"));
     EXPECT_THAT(refusal_of({.chord_error = -1.0}), HasSubstr("sizing.chord_error must be > 0"));
+    EXPECT_THAT(refusal_of({.gradation = -1e-9}), HasSubstr("in (0, 0.3], got -1e-09"));
+    EXPECT_THAT(refusal_of({.gradation = 0.3000001}), HasSubstr("in (0, 0.3], got 0.3000001"));
     EXPECT_THAT(refusal_of({.elements_across = 0.5}), HasSubstr("in [1, 16], got 0.5"));
     EXPECT_THAT(refusal_of({.layer = BoundaryLayer{1.0, 1.5}}),
                 HasSubstr("sizing.boundary_layer.growth must be in (1, 1.25], got 1.5"));

@@ -126,6 +126,9 @@ TEST_P(JobStoreConformance, AnswersAJobByAnEqualOnesResult) {
     again.may_reuse = true;
     NewJob anew = job_named("anew");
     anew.cache_key = "key";
+    EXPECT_EQ(store->reusable_outputs("clinic", "key"), std::vector<std::string>{kOutput});
+    EXPECT_TRUE(store->reusable_outputs("clinic", "other").empty());
+    EXPECT_TRUE(store->reusable_outputs("other", "key").empty());
 
     const auto answered = store->create(again, {}, at(5)).job;
     const auto run = store->create(anew, {}, at(5)).job;
