@@ -55,10 +55,7 @@ public:
         } else if (!asked->empty() && !is_watch_) {
             end({grpc::StatusCode::NOT_FOUND, "only the server as a whole is known: service \"\""});
         } else {
-            message_ = response_of(!asked->empty()         ? kServiceUnknown
-                                   : service_.is_serving() ? kServing
-                                                           : kNotServing);
-            StartWrite(&message_);
+            answer(asked->empty());
         }
     }
     void OnWriteDone(bool /*ok*/) override {
@@ -84,6 +81,16 @@ public:
 
 private:
     friend class HealthService;
+
+    void answer(bool is_known) {
+        const std::scoped_lock lock(service_.mutex_);
+        if (place_) {  // Else whoever took it may have finished it already.
+            message_ = response_of(!is_known              ? kServiceUnknown
+                                   : service_.is_serving_ ? kServing
+                                                          : kNotServing);
+            StartWrite(&message_);
+        }
+    }
 
     HealthService& service_;
     grpc::GenericCallbackServerContext& context_;
