@@ -149,6 +149,21 @@ TEST_F(Tls, EndsCallsOfStrangersWithoutWaitingForTheirMessages) {
     EXPECT_TRUE(ask(server).ok());
 }
 
+TEST_F(Tls, ShowsTheContractByReflectionToNoStranger) {
+    TestServer server(kCopy, [&](ServerOptions& options) {
+        with_tls()(options);
+        options.with_reflection = true;
+    });
+    server.connect(trusting(server_authority_));
+    const std::string method = "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo";
+
+    const SilentCall stranger(server.channel, method);
+    const SilentCall known(server.channel, method, server.token_for("clinic"));
+
+    EXPECT_EQ(stranger.end().error_code(), grpc::StatusCode::UNAUTHENTICATED);
+    EXPECT_FALSE(known.has_ended());
+}
+
 TEST_F(Tls, TakesUpACertificateThatWasReplaced) {
     TestServer server(kCopy, with_tls());
     server.token = server.token_for("clinic");
