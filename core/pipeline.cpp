@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
-#include <sstream>
 #include <string>
 #include <utility>
 
@@ -120,13 +119,10 @@ void note_losses(PrepareResult& prepared, const CarveResult& carved, double volu
         run.warn({.code = code, .message = text, .at = at});
     };
     const double before = prepared.facts.volume;
-    const auto percent = [&](double part) {
-        return std::to_string(std::lround(100.0 * part / before)) + " %";
-    };
     if (volume < kLeastVolume * before) {
         throw Error(ErrorCode::Unmeshable, "the body is too thin for edge_length " + text_of(h) +
-                                               ": its mesh would hold only " + percent(volume) +
-                                               " of its volume");
+                                               ": its mesh would hold only " +
+                                               percent(volume / before) + " of its volume");
     }
     if (carved.notable_parts > 0) {
         note("LOST_PARTS",
@@ -136,17 +132,11 @@ void note_losses(PrepareResult& prepared, const CarveResult& carved, double volu
     }
     if (std::abs(volume - before) > kNotableChange * before) {
         note("VOLUME_CHANGED",
-             "the mesh holds " + percent(std::abs(volume - before)) +
+             "the mesh holds " + percent(std::abs(volume - before) / before) +
                  (volume < before ? " less" : " more") + " than the body: edge_length " +
                  text_of(h) + " is coarse for it",
              1, std::nullopt);
     }
-}
-
-std::string format_length(double length) {
-    std::ostringstream text;
-    text << length;
-    return text.str();
 }
 
 std::vector<double> sizes_at(const Points& points, const SizingField& sizing,
@@ -343,9 +333,9 @@ RemeshResult run_pipeline(const SurfaceMesh& input, const RemeshOptions& options
             if (h > asked) {
                 result->report.coarsened_from = asked;
                 run.warn({"COARSENED",
-                          "the edge length was raised from " + format_length(asked) + " to " +
-                              format_length(h) + " for at most " +
-                              std::to_string(*options.max_tets) + " tets",
+                          "the edge length was raised from " + text_of(asked) + " to " +
+                              text_of(h) + " for at most " + std::to_string(*options.max_tets) +
+                              " tets",
                           std::nullopt});
             }
             result->report.costs = clock.finish();

@@ -16,6 +16,9 @@ enum class ParticleKind : std::uint8_t {
     Corner = 3,   ///< Fixed.
 };
 
+/// Surface particles whose normals have a cosine below this are on two sides of a thin sheet.
+inline constexpr double kOpposed = -0.2;
+
 /// Sample points while they relax: a structure of arrays of the same length #P.
 struct Particles {
     Points position{};  ///< Model units.

@@ -4,6 +4,9 @@
 
 namespace remesh {
 
+/// What asks for no less than this share of the size without it isn't worth a sample or a block.
+inline constexpr double kWorthIt = 0.97;
+
 /// Something that asks for a size in its place and for no more than `gradation()` times the
 /// distance above that elsewhere: one of the maps whose minimum is the sizing field.
 class SizingSource {

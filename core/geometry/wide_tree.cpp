@@ -47,51 +47,42 @@ struct Range {
     [[nodiscard]] std::int32_t size() const { return end - begin; }
 };
 
-// Nodes and leaves in the order of a depth-first walk, numbered from 0.
-struct Subtree {
-    std::vector<WideTree::Node> nodes{};
-    std::vector<std::int32_t> leaf_begin{};
-    std::vector<Index> order{};
-
-    // Adds one whose root hangs below a node here. Returns what points to it.
-    std::int32_t append(const Subtree& other) {
-        const auto node = static_cast<std::int32_t>(nodes.size());
-        const auto leaf = static_cast<std::int32_t>(leaf_begin.size());
-        const auto first = static_cast<std::int32_t>(order.size());
-        for (WideTree::Node copy : other.nodes) {
-            for (std::int32_t& child : copy.child) {
-                if (child != WideTree::kEmpty) {
-                    child = child >= 0 ? child + node : ~(~child + leaf);
-                }
+// Adds a tree whose root hangs below a node of `to`. Returns what points to it.
+std::int32_t append(WideTree& to, const WideTree& tree) {
+    const auto node = static_cast<std::int32_t>(to.nodes.size());
+    const auto leaf = static_cast<std::int32_t>(to.leaf_begin.size());
+    const auto first = static_cast<std::int32_t>(to.order.size());
+    for (WideTree::Node copy : tree.nodes) {
+        for (std::int32_t& child : copy.child) {
+            if (child != WideTree::kEmpty) {
+                child = child >= 0 ? child + node : ~(~child + leaf);
             }
-            nodes.push_back(copy);
         }
-        for (const std::int32_t begin : other.leaf_begin) {
-            leaf_begin.push_back(begin + first);
-        }
-        order.insert(order.end(), other.order.begin(), other.order.end());
-        return other.nodes.empty() ? ~leaf : node;
+        to.nodes.push_back(copy);
     }
-};
+    for (const std::int32_t begin : tree.leaf_begin) {
+        to.leaf_begin.push_back(begin + first);
+    }
+    to.order.insert(to.order.end(), tree.order.begin(), tree.order.end());
+    return tree.nodes.empty() ? ~leaf : node;
+}
 
 class Builder {
 public:
     Builder(std::vector<Item> items, std::int32_t leaf_size)
         : items_(std::move(items)), leaf_size_(leaf_size) {}
 
-    Subtree build() {
+    void build(WideTree& tree) {
         const auto n = static_cast<std::int32_t>(items_.size());
-        Subtree tree;
         tree.nodes.reserve(items_.size() / 8 + 1);
         tree.leaf_begin.reserve(items_.size() / 3 + 2);
         tree.order.reserve(items_.size());
         add_node(tree, {0, n}, 0);
         tree.leaf_begin.push_back(n);
-        return tree;
     }
 
 private:
-    std::int32_t add(Subtree& tree, Range range, int depth) {
+    std::int32_t add(WideTree& tree, Range range, int depth) {
         if (range.size() > leaf_size_) {
             return add_node(tree, range, depth);
         }
@@ -103,7 +94,7 @@ private:
         return ~leaf;
     }
 
-    std::int32_t add_node(Subtree& tree, Range range, int depth) {
+    std::int32_t add_node(WideTree& tree, Range range, int depth) {
         std::array<Range, 4> parts{};
         std::size_t count = 0;
         if (range.size() <= leaf_size_) {
@@ -125,11 +116,11 @@ private:
         std::array<std::int32_t, 4> child{WideTree::kEmpty, WideTree::kEmpty, WideTree::kEmpty,
                                           WideTree::kEmpty};
         if (range.size() > kSideBySide) {
-            std::array<Subtree, 4> subtrees;
+            std::array<WideTree, 4> subtrees;
             tbb::parallel_for(std::size_t{0}, count,
                               [&](std::size_t k) { add(subtrees[k], parts[k], depth + 2); });
             for (std::size_t k = 0; k < count; ++k) {
-                child[k] = tree.append(subtrees[k]);
+                child[k] = append(tree, subtrees[k]);
                 subtrees[k] = {};
             }
         } else {
@@ -267,10 +258,7 @@ WideTree build_wide_tree(const Points& vertices, const std::vector<Triangle>& tr
         items[i].box.low -= kPad;
         items[i].box.high += kPad;
     }
-    Subtree built = Builder(std::move(items), leaf_size).build();
-    tree.nodes = std::move(built.nodes);
-    tree.leaf_begin = std::move(built.leaf_begin);
-    tree.order = std::move(built.order);
+    Builder(std::move(items), leaf_size).build(tree);
     return tree;
 }
 

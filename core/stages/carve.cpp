@@ -315,7 +315,7 @@ void validate(const CarveOptions& options) {
     require_at_least_zero("max_void_volume", options.max_void_volume);
     if (!(options.min_part_share >= 0.0 && options.min_part_share < 1.0)) {
         throw Error(ErrorCode::InvalidInput, "carve.min_part_share must be in [0, 1), got " +
-                                                 std::to_string(options.min_part_share));
+                                                 number_text(options.min_part_share));
     }
 }
 

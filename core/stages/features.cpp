@@ -21,7 +21,6 @@ constexpr double kTipDeficit = 1.2;          // Missing angle around a point-lik
 constexpr double kShortCurve = 2.0;          // Times h: sets whose curves are shorter are noise.
 constexpr double kFreeEnd = 2.0;             // Sets with an end in the open must be so much longer.
 constexpr double kBeyondRim = 0.6;           // Of h: where the other side of a seam is looked for.
-constexpr double kOffBoundary = 0.05;        // Of h: how far off the domain a feature may lie.
 
 double cosine_of(double degrees) {
     return std::cos(degrees * std::numbers::pi / 180.0);

@@ -24,6 +24,9 @@ struct FeatureCurve {
     bool is_closed = false;
 };
 
+/// Of h: features farther off the domain than this are left out.
+inline constexpr double kOffBoundary = 0.05;
+
 struct FeatureSet {
     Points corners{};  ///< Curve ends, junctions, turns and point-like tips.
     std::vector<FeatureCurve> curves{};

@@ -126,10 +126,6 @@ double volume_of(const SurfaceMesh& surface) {
                     [&](std::size_t i) { return cone_volume(surface, i, apex); });
 }
 
-std::string percent(double share) {
-    return std::to_string(std::lround(100.0 * share)) + " %";
-}
-
 /// The steps of one call.
 class Preparation {
 public:

@@ -22,7 +22,6 @@ constexpr double kVolumeCutoff = 1.14;        // Between the shells; from 1.3 on
 constexpr double kGradedVolumeCutoff = 1.09;  // Where h varies there is no lattice to keep.
 constexpr int kVolumeIterations = 25;
 constexpr double kPlateau = 0.97;      // Of the largest h: what has more is on its lattice.
-constexpr double kOpposed = -0.2;      // Cosine of normals on two sides of a thin sheet.
 constexpr double kSlide = 0.05;        // Slides this far over h before it is snapped.
 constexpr double kTooClose = 0.4;      // Surface particles closer than this times h merge.
 constexpr double kWall = 0.4;          // Volume particles stay this far over h inside.

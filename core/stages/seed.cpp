@@ -17,11 +17,9 @@
 namespace remesh {
 namespace {
 
-constexpr double kOffBoundary = 0.05;    // Features farther off than this times h are left out.
 constexpr double kCornerSpacing = 0.35;  // Least distance of two corners over h.
 constexpr double kCurveSpacing = 0.55;   // Least distance of a curve particle to others over h.
 constexpr double kFeatureRadius = 0.85;  // Darts come this much closer to curves and corners.
-constexpr double kOpposed = -0.2;        // Cosine of normals on two sides of a thin sheet.
 constexpr double kTrianglesPerArea = 1.0 / 0.8660254037844386;  // Particles per h^2 of area.
 
 // Every round throws one dart per particle wanted. Darts of a round are spread evenly, so that
@@ -30,10 +28,10 @@ constexpr int kRounds = 20;
 
 void check_count(double count, const SeedOptions& options) {
     if (!(count <= static_cast<double>(options.max_particles))) {
-        throw Error(ErrorCode::TooLarge, "the edge length asks for about " + std::to_string(count) +
-                                             " particles, more than seed.max_particles = " +
-                                             std::to_string(options.max_particles) +
-                                             "; use a larger edge length");
+        throw Error(ErrorCode::TooLarge,
+                    "the edge length asks for about " + number_text(std::ceil(count)) +
+                        " particles, more than seed.max_particles = " +
+                        std::to_string(options.max_particles) + "; use a larger edge length");
     }
 }
 

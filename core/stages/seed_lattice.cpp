@@ -13,7 +13,6 @@ namespace remesh {
 namespace {
 
 constexpr double kCellOverSpacing = 1.833;  // At which A15 is as dense as BCC of that spacing.
-constexpr double kHalfDiagonal = 0.8660254037844386;
 
 }  // namespace
 

@@ -15,6 +15,8 @@
 
 namespace remesh {
 
+inline constexpr double kHalfDiagonal = 0.8660254037844386;  ///< Of a cube, over its edge.
+
 /// Spacings that one lattice stands for.
 struct LatticeBand {
     double low = 0.0;  ///< Sites with less h are left to other bands.

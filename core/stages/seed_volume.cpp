@@ -20,7 +20,6 @@ constexpr double kBandRadius = 0.7;   // Sites of a band keep this far over h fr
 constexpr double kGradedWall = 0.55;  // Over h: distance from the boundary where h varies.
 constexpr double kDartRadius = 0.8;   // Between the bands darts fill the gaps,
 constexpr int kDartLevels = 3;        // in cells of h and two halvings.
-constexpr double kHalfDiagonal = 0.8660254037844386;
 
 // Fills the parts of a body where h varies. What hits points of an earlier round is sorted out side
 // by side; what is left goes one by one, since each point depends on those before it.

@@ -25,7 +25,6 @@ using Sources = std::vector<std::shared_ptr<const SizingSource>>;
 
 constexpr double kLeastShare = 0.1;      // Of max_size: min_size if nobody says.
 constexpr double kStrongest = 1e6;       // Reaction times h^2: nothing spreads any more.
-constexpr double kWorthIt = 0.97;        // Refinement by less than this isn't worth a sample.
 constexpr double kFinestProbes = 0.35;   // Spacing of curvature probes over min_size, at least.
 constexpr double kCoarsestProbes = 0.5;  // Spacing of thickness probes over max_size, at most.
 constexpr double kMaxProbes = 2e6;       // More are spread wider.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <string>
 
@@ -13,6 +14,11 @@ namespace remesh {
     std::array<char, 32> text;
     std::snprintf(text.data(), text.size(), "%.4g", x);
     return text.data();
+}
+
+/// A share in whole percent, for messages: "3 %".
+[[nodiscard]] inline std::string percent(double share) {
+    return std::to_string(std::lround(100.0 * share)) + " %";
 }
 
 /// A place, for messages.

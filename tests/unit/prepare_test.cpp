@@ -4,54 +4,27 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <string>
 
 #include "core/error.h"
-#include "core/stages/chord_offset.h"
+#include "tests/support/prepared.h"
 #include "tests/support/shapes.h"
 
 namespace remesh {
 namespace {
 
+using testing::count_of;
 using ::testing::HasSubstr;
 using testing::icosphere;
+using testing::kTorusVolume;
+using testing::prepare;
+using testing::sampled_volume;
+using testing::some_torus;
 using testing::torus;
 using testing::unit_cube;
-
-constexpr double kTorusVolume = 2.0 * std::numbers::pi * std::numbers::pi * 0.4 * 0.4;
-
-SurfaceMesh some_torus() {
-    return torus(1.0, 0.4, 60, 30);
-}
-
-PrepareResult prepare(const SurfaceMesh& mesh, double h, const PrepareOptions& options = {}) {
-    RunContext run;
-    return prepare_surface(mesh, h, options, run);
-}
-
-/// Share of the domain's box that lies inside, times the box: counted on a grid.
-double sampled_volume(const Domain& domain) {
-    constexpr int kCells = 40;
-    const Box box = domain.bounds();
-    const Vec3 step = (box.high - box.low) / kCells;
-    int inside = 0;
-    for (int i = 0; i < kCells * kCells * kCells; ++i) {
-        const Vec3 cell(i % kCells + 0.5, i / kCells % kCells + 0.5, i / (kCells * kCells) + 0.5);
-        inside += domain.region_at(box.low + cell.cwiseProduct(step));
-    }
-    return inside * step.prod();
-}
-
-std::int64_t count_of(const PrepareResult& result, const std::string& code) {
-    for (const auto& defect : result.defects) {
-        if (defect.code == code) {
-            return defect.count;
-        }
-    }
-    return 0;
-}
 
 template <typename Call>
 void expect_error(ErrorCode code, const std::string& text, Call call) {
@@ -102,55 +75,6 @@ TEST(PrepareSurface, WeldsSoupWithSharedPositions) {
     EXPECT_EQ(result.facts.boundary_edges, 0);
 }
 
-TEST(PrepareSurface, ClosesHoles) {
-    auto mesh = some_torus();
-    std::erase_if(mesh.triangles, [&](const Triangle& t) {
-        return (mesh.vertices[static_cast<std::size_t>(t[0])] - Vec3(1.4, 0, 0)).norm() < 0.2;
-    });
-
-    const auto result = prepare(mesh, 0.1);
-
-    EXPECT_EQ(count_of(result, "OPEN_BOUNDARY"), 1);
-    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.02 * kTorusVolume);
-    EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
-}
-
-// Each missing triangle takes its solid angle from w everywhere: unless they are put back, the
-// level 1/2 lies far below the surface.
-TEST(PrepareSurface, KeepsTheVolumeWhereTrianglesAreMissingAllOver) {
-    auto ball = testing::icosphere(4);
-    const double whole = prepare(ball, 0.1).facts.volume;
-
-    const auto result = prepare(testing::with_triangles_removed(ball, 0.2, 3), 0.1);
-
-    EXPECT_NEAR(result.facts.volume, whole, 0.003 * whole);
-    EXPECT_NEAR(sampled_volume(*result.domain), whole, 0.01 * whole);
-}
-
-TEST(PrepareSurface, DoesNotCapTheEndsThatATubeHasWhereARingIsMissing) {
-    // The tube is narrower than what is filled smoothly, the gap shorter than the tube is wide.
-    auto mesh = torus(1.0, 0.1, 120, 12);
-    std::erase_if(mesh.triangles, [&](const Triangle& t) {
-        const Vec3& at = mesh.vertices[static_cast<std::size_t>(t[0])];
-        return at.x() > 0.0 && std::abs(at.y()) < 0.03;
-    });
-
-    const auto result = prepare(mesh, 0.1);
-
-    EXPECT_EQ(result.domain->region_at({1.0, 0.0, 0.0}), 1);
-}
-
-TEST(PrepareSurface, LeavesHolesOpenWhenAsked) {
-    auto mesh = some_torus();
-    std::erase_if(mesh.triangles, [&](const Triangle& t) {
-        return (mesh.vertices[static_cast<std::size_t>(t[0])] - Vec3(1.4, 0, 0)).norm() < 0.2;
-    });
-
-    const auto result = prepare(mesh, 0.1, {.close_holes = false});
-
-    EXPECT_GT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.05);
-}
-
 TEST(PrepareSurface, LeavesLargeLooseTrianglesOfAThinBodyAsTheyAre) {
     // Twelve triangles of a plate, none joined to another, each far larger than the plate is thick.
     auto plate = testing::transformed(unit_cube(), Vec3(1.0, 1.0, 0.1).asDiagonal(), Vec3::Zero());
@@ -172,45 +96,6 @@ TEST(PrepareSurface, TurnsASoupThatFacesInwardAllOver) {
 
     EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.03 * kTorusVolume);
     EXPECT_EQ(result.domain->region_at({1.0, 0.0, 0.0}), 1);
-}
-
-TEST(PrepareSurface, GoesOnSmoothlyAcrossWideHoles) {
-    auto mesh = some_torus();
-    std::erase_if(mesh.triangles, [&](const Triangle& t) {
-        return (mesh.vertices[static_cast<std::size_t>(t[0])] - Vec3(1.4, 0, 0)).norm() < 0.26;
-    });
-
-    const auto result = prepare(mesh, 0.1);
-
-    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.015 * kTorusVolume);
-    EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.01);
-}
-
-/// A torus without what lies at azimuths of less than `angle` from the x axis.
-SurfaceMesh cut_torus(double angle) {
-    auto mesh = some_torus();
-    std::erase_if(mesh.triangles, [&](const Triangle& t) {
-        const Vec3& v = mesh.vertices[static_cast<std::size_t>(t[0])];
-        return std::abs(std::atan2(v[1], v[0])) < angle;
-    });
-    return mesh;
-}
-
-TEST(PrepareSurface, JoinsATubeThatLacksARing) {
-    const auto result = prepare(cut_torus(0.3), 0.1);
-
-    EXPECT_NEAR(sampled_volume(*result.domain), kTorusVolume, 0.015 * kTorusVolume);
-    EXPECT_LT(result.domain->closest({1.4, 0.0, 0.0}).distance, 0.03);
-}
-
-TEST(PrepareSurface, CapsATubesEndsThatFaceNoOther) {
-    const double cut = 0.5 * std::numbers::pi;
-
-    const auto result = prepare(cut_torus(cut), 0.1);
-
-    EXPECT_NEAR(sampled_volume(*result.domain), 0.5 * kTorusVolume, 0.05 * kTorusVolume);
-    EXPECT_EQ(result.domain->region_at({0.3, 1.0, 0.0}), 0);
-    EXPECT_EQ(result.domain->region_at({-0.2, 1.0, 0.0}), 1);
 }
 
 TEST(PrepareSurface, TurnsOpenPartsSoThatTheyEncloseABodyTogether) {
@@ -283,14 +168,6 @@ TEST(PrepareSurface, TellsOfASizeThatIsHardlyInMillimetres) {
     EXPECT_EQ(count_of(prepare(scaled(1e4), 1e3), "UNITS"), 1);
 }
 
-TEST(ChordOffsets, AreTheSagittaOfABall) {
-    const auto ball = icosphere(4);
-
-    for (const double offset : chord_offsets(ball, ball.vertices, 0.3)) {
-        EXPECT_NEAR(offset, 0.3 * 0.3 / 8.0, 1e-3);
-    }
-}
-
 TEST(PrepareSurface, DropsASecondWall) {
     const auto inner =
         testing::transformed(some_torus(), 0.98 * Eigen::Matrix3d::Identity(), Vec3::Zero());
@@ -354,77 +231,6 @@ TEST(PrepareSurface, TakesOverlappingPartsAsOneBody) {
 
     EXPECT_EQ(result.domain->region_at({0.75, 0.5, 0.5}), 1);
     EXPECT_GT(result.domain->closest({0.75, 0.5, 0.5}).distance, 0.35);
-}
-
-TEST(PrepareSurface, SmoothsStairsAndKeepsTheVolume) {
-    const auto ball = [](const Vec3& x) { return x.norm() < 1.0; };
-    const auto mesh =
-        testing::voxel_surface(ball, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
-
-    const auto result = prepare(mesh, 0.12);
-
-    EXPECT_TRUE(result.smoothed);
-    EXPECT_EQ(count_of(result, "NON_FINITE"), 0);
-    EXPECT_NEAR(result.facts.volume, 4.0 / 3.0 * std::numbers::pi, 0.03 * 4.2);
-    EXPECT_NEAR(sampled_volume(*result.domain), result.facts.volume, 0.02 * 4.2);
-    EXPECT_LE(result.max_displacement, 0.6 * 0.12 + 0.1 * 0.12 * 3);
-    EXPECT_GT(result.domain->closest({1.1, 0.9, 0.7}).normal.dot(Vec3(1.1, 0.9, 0.7).normalized()),
-              0.95);
-}
-
-TEST(PrepareSurface, SmoothsStairsThatElementsWouldResolve) {
-    const auto ball = [](const Vec3& x) { return x.norm() < 1.0; };
-    const auto mesh =
-        testing::voxel_surface(ball, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
-
-    const auto result = prepare(mesh, 0.04);
-
-    EXPECT_TRUE(result.smoothed);
-    EXPECT_NEAR(sampled_volume(*result.domain), result.facts.volume, 0.02 * 4.2);
-    EXPECT_GT(result.domain->closest({1.1, 0.9, 0.7}).normal.dot(Vec3(1.1, 0.9, 0.7).normalized()),
-              0.95);
-}
-
-TEST(PrepareSurface, SmoothsStairsOfSlicesThickerThanElements) {
-    constexpr double kThickness = 4.0;  // Of a slice, over the size of a voxel in it.
-    const Vec3 stretch(1.0, 1.0, kThickness);
-    const auto ball = [&](const Vec3& x) { return x.cwiseProduct(stretch).norm() < 1.0; };
-    const auto mesh = testing::transformed(
-        testing::voxel_surface(ball, {Vec3::Constant(-1.1), Vec3::Constant(1.1)}, 0.04),
-        Eigen::Matrix3d(stretch.asDiagonal()), Vec3::Zero());
-
-    const auto result = prepare(mesh, 0.08);
-
-    ASSERT_TRUE(result.smoothed);
-    EXPECT_NEAR(sampled_volume(*result.domain), 4.0 / 3.0 * std::numbers::pi, 0.03 * 4.2);
-    double mean = 0.0;
-    const int kSamples = 500;
-    for (int i = 0; i < kSamples; ++i) {  // Along a spiral.
-        const double z = 0.7 - 1.4 * (i + 0.5) / kSamples;
-        const double r = std::sqrt(1.0 - z * z);
-        const Vec3 out(r * std::cos(0.7 * i), r * std::sin(0.7 * i), z);
-        mean += result.domain->closest(out).normal.dot(out) / kSamples;
-    }
-    EXPECT_GT(mean, 0.965);
-}
-
-TEST(PrepareSurface, LeavesThePlainSidesOfAnEvenlyMeshedCube) {
-    const auto cube = [](const Vec3& x) { return x.cwiseAbs().maxCoeff() < 1.0; };
-    const auto mesh =
-        testing::voxel_surface(cube, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
-
-    EXPECT_FALSE(prepare(mesh, 0.04).smoothed);
-}
-
-TEST(PrepareSurface, LeavesStairsWhenSmoothingIsOff) {
-    const auto ball = [](const Vec3& x) { return x.norm() < 1.0; };
-    const auto mesh =
-        testing::voxel_surface(ball, {Vec3::Constant(-1.25), Vec3::Constant(1.25)}, 0.1);
-
-    const auto result = prepare(mesh, 0.12, {.smoothing = Smoothing::Off});
-
-    EXPECT_FALSE(result.smoothed);
-    EXPECT_EQ(result.max_displacement, 0.0);
 }
 
 TEST(PrepareSurface, GivesTheSameBitsOnAnyNumberOfThreads) {

@@ -19,7 +19,7 @@ constexpr double kFitRadius = 4.0;     // Over the spacing: 2 is useless on stai
 constexpr double kWideRadius = 8.0;    // Where the surface is so flat that this is allowed:
 constexpr double kRadiusOverK = 0.35;  // at most this over the curvature.
 constexpr double kMedianRadius = 2.0;  // Over the spacing.
-constexpr double kOpposed = -0.3;      // Cosine of normals on two sides of a thin sheet.
+constexpr double kOtherSide = -0.3;    // Cosine of normals on two sides of a thin sheet.
 constexpr double kSharp = 40.0;        // Degrees.
 constexpr std::size_t kFewest = 8;     // Points for a quadric of 6 coefficients.
 constexpr double kRegularity = 1e-6;   // Of the sum of weights, added to the diagonal.
@@ -85,7 +85,7 @@ public:
         grid_.visit(point(k), h, [&](Index j, double squared) {
             const bool is_apart =
                 !patch_.empty() && patch_[at(probes_[at(j)].facet)] != patch_[at(probes_[k].facet)];
-            if (!is_apart && normal(at(j)).dot(normal(k)) > kOpposed) {
+            if (!is_apart && normal(at(j)).dot(normal(k)) > kOtherSide) {
                 found(at(j), squared);
             }
         });

@@ -14,7 +14,6 @@
 namespace remesh {
 namespace {
 
-constexpr double kWorthIt = 0.97;    // Refinement by less than this isn't worth a block.
 constexpr double kSameShare = 0.03;  // Sizes that differ by less are as good as one.
 constexpr double kFine = 0.25;       // Of a block over its size: what is finer isn't resolved.
 constexpr double kMostParts = 16.0;  // Of a voxel along an axis.

@@ -13,7 +13,6 @@ constexpr double kSampleSpacing = 0.5;  // Over h.
 constexpr double kPlateau = 0.86;       // Over the spacing: no place is farther from a probe.
 constexpr double kAcrossBody = 0.7;     // Spacing over thickness: less than two layers are coarse.
 constexpr double kAcrossGap = 1.0;      // Spacing over the gap to the next wall outside.
-constexpr double kWorthIt = 0.97;       // Refinement by less than this isn't worth a sample.
 constexpr double kTilt = 0.45;          // Tangent of the outer rays' angle to the normal.
 constexpr double kOpposite = -0.3;      // Cosine below which a wall faces the other way.
 constexpr double kNear = 0.05;          // Rays start this far over h from the surface.
